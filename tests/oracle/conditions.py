@@ -225,6 +225,7 @@ def _replay(
         tolerance: F64,
         stage: str,
         paper: bool = False,
+        compressed: F64 | None = None,
     ) -> tuple[F64, ImpactProblem]:
         _, given, factor = queue.pop(0) if queue and queue[0][0] == stage else (stage, {}, 1.0)
         multipliers = np.zeros(lay.rows)
@@ -235,10 +236,13 @@ def _replay(
         foreign = given.keys() - set(names)
         if foreign:
             verdict.objections.append(f"stage {stage}: impulses of {sorted(foreign)}, which are no members")
-        offset = island.plastic
-        if u_minus is not None and factor == 1.0:
+        offset, least = island.plastic, np.zeros(len(island.elements))
+        if compressed is not None and factor == 1.0:
+            least, offset = island.expansion(compressed)
+        elif u_minus is not None and factor == 1.0:
             offset = island.offset(u_minus, tolerance, paper)
         problem, columns, rows = island.problem(members, offset, fixed)
+        problem.least = least[members]
         jump = island.jump(fixed + multipliers)
         judge = conditions if factor in {0.0, 1.0} else admissible
         verdict.problems.append((stage, judge(problem, jump[columns], multipliers[rows])))

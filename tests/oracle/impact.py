@@ -1,7 +1,7 @@
 """Velocity level: the sequence of impact problems of one island (sections 5 and 7 of the specification; eqs. 24-29).
 
-Three laws: `sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (the paper as printed) and
-`one-shot` (one simultaneous problem with Newton's law).
+`sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (the paper as printed), `one-shot` (one simultaneous
+problem with Newton's law) and `poisson` (compression, then expansion).
 """
 
 import itertools
@@ -65,9 +65,13 @@ class _Solved:
     fallback: str
 
 
-def _solve_members(island: Island, members: list[int], offset: F64, fixed: F64, what: str) -> _Solved:
+def _solve_members(
+    island: Island, members: list[int], offset: F64, fixed: F64, what: str, least: F64 | None = None
+) -> _Solved:
     """Solve the contacts `members` and all joints; `fixed` (m,) are the impulses of contacts that already act."""
     problem, columns, rows = island.problem(members, offset, fixed)
+    if least is not None:
+        problem.least = least[members]
     found = solve(problem, island.jump(fixed)[columns], island.model.options, what)
     multipliers = np.zeros(island.layout.rows)
     multipliers[rows] = found.multipliers
@@ -87,11 +91,11 @@ def _work(island: Island, contacts: list[int], before: F64, first: F64, second: 
 
 
 def _pushing_islands(
-    island: Island, members: list[int], solutions: list[_Solved]
+    island: Island, members: list[int], solutions: list[F64]
 ) -> list[tuple[list[int], list[int]]]:
-    """Contacts with impulse in any solution that hang together, also through joints and loads; the spheres of each group."""
+    """Contacts with impulse in any solution (m,) that hang together, also by joints and loads; the spheres of each group."""
     start = island.layout.start
-    pushing = [i for i in members if any(of.multipliers[start[i]] > 0.0 for of in solutions)]
+    pushing = [i for i in members if any(of[start[i]] > 0.0 for of in solutions)]
     links = [row.bodies for row in island.layout.joints]
     joined = (load.joins() for load in island.model.loads)
     links += [bodies for bodies in joined if len(bodies) > 1 and set(bodies) <= set(island.layout.bodies)]
@@ -114,7 +118,9 @@ def _limit(
     energy = 0.5 * island.layout.mass * (island.u_check + base) ** 2
     scale = np.ones(len(island.elements))
     multipliers = full.multipliers.copy()
-    for group, bodies in _pushing_islands(island, members, [plastic, full]):
+    for group, bodies in _pushing_islands(
+        island, members, [fixed + plastic.multipliers, fixed + full.multipliers]
+    ):
         own = np.isin(island.layout.dofs // 6, bodies)
         if _work(island, group, before, given[1], change[1]) <= ENERGY_SLACK * float(np.sum(energy[own])):
             continue
@@ -155,19 +161,28 @@ def impact_problem(
     tolerance: F64,
     stage: str,
     paper: bool = False,
+    compressed: F64 | None = None,
 ) -> tuple[F64, ImpactProblem]:
     """One problem with members C: its impulses (m,), and a record. `u_minus` (d,) is V^-, None for e = 0.
 
     `before` (m,) are all impulses before the problem; of these it solves some anew, and leaves those that are `fixed` (m,).
+    With `compressed` (m,) it is the expansion of Poisson's law, and `before` what was before the compression.
     """
     what = f"impact problem, stage {stage}, spheres {island.layout.bodies}"
     scale = np.ones(len(island.elements))
-    offset = island.plastic if u_minus is None else island.offset(u_minus, tolerance, paper)
-    solved = _solve_members(island, members, offset, fixed, what)
-    if u_minus is not None and not paper and island.model.options.energy_safeguard:
+    offset, least = island.plastic, None
+    if compressed is not None:
+        least, offset = island.expansion(compressed)
+    elif u_minus is not None:
+        offset = island.offset(u_minus, tolerance, paper)
+    solved = _solve_members(island, members, offset, fixed, what, least)
+    restores = u_minus is not None or compressed is not None
+    if restores and not paper and island.model.options.energy_safeguard:
         given, change = fixed - before + solved.multipliers, solved.jump - island.jump(before)
         if any(_work(island, [i], before, given, change) > 0.0 for i in members):
-            plastic = _solve_members(island, members, island.plastic, fixed, what)
+            plastic = _Solved(np.zeros(island.layout.rows), island.jump(fixed), 0, [], "")
+            if compressed is None:
+                plastic = _solve_members(island, members, island.plastic, fixed, what)
             solved, scale = _limit(island, members, fixed, before, plastic, solved)
     record = ImpactProblem(
         island=tuple(island.layout.bodies),
@@ -207,6 +222,7 @@ class ProblemSolver(Protocol):
         tolerance: F64,
         stage: str,
         paper: bool = False,
+        compressed: F64 | None = None,
     ) -> tuple[F64, ImpactProblem]: ...
 
 
@@ -222,11 +238,45 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
                 island, everything, impulses, impulses, island.u_n, tolerance, "one-shot"
             )
             result.problems.append(record)
+        elif island.model.options.impact == "poisson":
+            impulses = _poisson(island, impact_problem, tolerance, result)
         else:
             impulses = _sequence(island, impact_problem, tolerance, result)
     if np.any(impulses):
         result.jump, result.multipliers = island.respond(impulses)
     return result
+
+
+def _loads(
+    island: Island, impact_problem: ProblemSolver, tolerance: F64, result: IslandResult
+) -> tuple[F64, set[int]]:
+    """Stage 0: the impulses (m,) of the loads, put into `result`, and the resting contacts that they close."""
+    impulses = np.zeros(island.layout.rows)
+    resting = np.flatnonzero(island.normal_velocity(island.u_n) >= -tolerance).tolist()
+    closing = island.normal_velocity(island.u_check + island.start) < -tolerance
+    loaded = {i for i in resting if closing[i]}
+    if loaded:
+        impulses, record = impact_problem(island, resting, impulses, impulses, None, tolerance, "0")
+        result.problems.append(record)
+    return impulses, loaded
+
+
+def _poisson(island: Island, impact_problem: ProblemSolver, tolerance: F64, result: IslandResult) -> F64:
+    """Loads; then all contacts: compression with the loads anew, and expansion. The impulses of all contacts (m,)."""
+    loads, _ = _loads(island, impact_problem, tolerance, result)
+    if not np.any(island.normal_velocity(island.u_check + island.jump(loads)) < -tolerance):
+        return loads
+    everything, nothing = list(range(len(island.elements))), np.zeros(island.layout.rows)
+    compressed = island.compressed()
+    impulses, record = impact_problem(island, everything, nothing, loads, None, tolerance, "1")
+    result.problems.append(record)
+    if np.any(island.expansion(compressed)[0] > 0.0):
+        added, record = impact_problem(
+            island, everything, impulses, loads, None, tolerance, "2", compressed=compressed
+        )
+        impulses = impulses + added
+        result.problems.append(record)
+    return impulses
 
 
 def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: F64, result: IslandResult) -> F64:
@@ -236,13 +286,8 @@ def _sequence(island: Island, impact_problem: ProblemSolver, tolerance: F64, res
     offset_jump = island.start
     loaded: set[int] = set()
     if not paper:
-        resting = np.flatnonzero(island.normal_velocity(island.u_n) >= -tolerance).tolist()
-        closing = island.normal_velocity(island.u_check + island.start) < -tolerance
-        loaded = {i for i in resting if closing[i]}
-        if loaded:
-            impulses, record = impact_problem(island, resting, impulses, impulses, None, tolerance, "0")
-            result.problems.append(record)
-            offset_jump = island.jump(impulses)
+        impulses, loaded = _loads(island, impact_problem, tolerance, result)
+        offset_jump = island.jump(impulses) if loaded else offset_jump
 
     jump = offset_jump
     most, solved = island.model.options.max_problems, 0

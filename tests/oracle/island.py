@@ -190,6 +190,35 @@ class Island:
         """W (d,) under impulses of the contacts (m,): M^-1 G^T of them where nothing else acts."""
         return self.respond(multipliers)[0]
 
+    def compressed(self) -> F64:
+        """Poisson's law: impulses (m,) without restitution from the velocities before the step, where nothing else acts."""
+        every = list(range(len(self.elements)))
+        problem = VelocityProblem(
+            self.layout, self.gradient, self.u_n, self._homogeneous(), np.zeros(len(self.u_n)), self.floor
+        )
+        found = solve(problem, np.zeros(len(self.u_n)), self.model.options, f"compression, contacts {every}")
+        return found.multipliers
+
+    def _homogeneous(self) -> F64:
+        """Offset (m,) with which joints keep what they do before the step."""
+        offset, rows = np.zeros(self.layout.rows), self.layout.joint_rows
+        offset[rows] = -self.gradient[rows] @ self.u_n
+        return offset
+
+    def expansion(self, compressed: F64) -> tuple[F64, F64]:
+        """Of impulses of compression (m,): least normal impulses of expansion (n,), and the offset of z (m,)."""
+        least, offset = np.zeros(len(self.elements)), self.plastic.copy()
+        inverse = np.einsum("ij,ij->i", self.gradient, self.gradient / self.layout.mass)
+        for i, e in enumerate(self.elements):
+            n, law = self.layout.start[i], e.pair.law
+            speed = compressed[n] * inverse[n]
+            if speed > 0.0 and speed >= self.model.options.restitution_threshold:
+                least[i] = law.restitution * compressed[n]
+            if e.slides:
+                rows = slice(n + 1, n + 3)
+                offset[rows] = -law.tangential_restitution * inverse[rows] * compressed[rows]
+        return least, offset
+
     def offset(self, u_minus: F64, tolerance: F64, paper: bool) -> F64:
         """The part e gamma^- of eq. 24 for every row (m,).
 

@@ -141,7 +141,8 @@ def _step(problem: ContactProblem, u: F64, multipliers: F64, at: Evaluation, fir
     redundant contacts solvable.
     """
     lay, d = problem.layout, len(problem.layout.dofs)
-    closed = np.flatnonzero(np.diagonal(at.tangent)[lay.start][lay.owner] > 0.0)
+    pressed = (np.diagonal(at.tangent)[lay.start] > 0.0) | (problem.least > 0.0)
+    closed = np.flatnonzero(pressed[lay.owner])
     active = np.concatenate([closed, np.arange(lay.contact_rows, lay.rows)])
     dl = -multipliers + 0.0
     dl[active] = 0.0
@@ -189,7 +190,7 @@ def gauss_seidel(problem: ContactProblem, u: F64, multipliers: F64, sweeps: int)
                 z, gradient = problem.kinematics(u)
                 new = multipliers[rows] - z[rows] * 2.0 * lay.p[rows]  # 1/D_cc = 2 p
                 if bound < 0.0:
-                    new = np.maximum(0.0, new)
+                    new = np.maximum(problem.least[number], new)
                 else:
                     length, radius = float(np.linalg.norm(new)), bound * multipliers[n]
                     if length > radius:

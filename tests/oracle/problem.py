@@ -54,6 +54,8 @@ class ContactProblem:
         self.floor = floor
         """Absolute size [N s or N s^2] below which a residual is rounding."""
         self.p = layout.p
+        self.least = np.zeros(len(layout.elements))
+        """Least normal multiplier of each contact; above 0 in the expansion of Poisson's law."""
         self.along: F64 | None = None
         """Gradient (m, d) along which multipliers act where it is not that of z."""
 
@@ -79,13 +81,14 @@ class ContactProblem:
         bilateral = np.arange(len(xi))[self.layout.joint_rows]
         phi[bilateral], tangent[bilateral, bilateral] = xi[bilateral], 1.0
         for number, e in enumerate(self.layout.elements):
-            n = int(self.layout.start[number])
-            if xi[n] < 0.0:
+            n, least = int(self.layout.start[number]), self.least[number]
+            if xi[n] < 0.0 and least == 0.0:
                 continue
-            phi[n], tangent[n, n] = xi[n], 1.0
+            free = xi[n] >= least
+            phi[n], tangent[n, n] = max(least, xi[n]), free
             for disc in e.discs:
                 rows = self.layout.disc_rows(number, disc.start, disc.stop)
-                part, bound = xi[rows], disc.bound * xi[n]
+                part, bound = xi[rows], disc.bound * phi[n]
                 length = float(np.sqrt(part @ part))
                 if bound == 0.0:
                     continue  # a disc of radius zero has no direction; phi = 0 and derivative 0
@@ -95,7 +98,7 @@ class ContactProblem:
                 else:
                     tau = part / length
                     phi[rows] = bound * tau
-                    tangent[rows, n] = disc.bound * tau
+                    tangent[rows, n] = disc.bound * tau * free
                     tangent[rows, rows] = bound / length * (np.eye(len(part)) - np.outer(tau, tau))
         return phi, tangent
 

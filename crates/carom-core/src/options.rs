@@ -109,6 +109,8 @@ named_choice! {
         SequencePaper = "sequence-paper",
         /// All closed contacts at once by Newton's law (eqs. 16-17).
         OneShot = "one-shot",
+        /// Compression, then expansion (Poisson).
+        Poisson = "poisson",
     }
 }
 

@@ -192,6 +192,7 @@ fn other_schemes_and_laws_too() {
         o.impact = Impact::SequencePaper
     });
     same("one-shot", &scene(), 30, |o| o.impact = Impact::OneShot);
+    same("poisson", &scene(), 30, |o| o.impact = Impact::Poisson);
 }
 
 /// Tolerances below rounding, so that some solves fail: in steps of which smaller parts are made, in one that ends the run, and in

@@ -118,6 +118,7 @@ fn three_touching_balls_by_each_law() {
         (Impact::Sequence, [0.0, 0.0, 2.0], 2),
         (Impact::SequencePaper, [0.0, 0.0, 2.0], 2),
         (Impact::OneShot, [-2.0 / 3.0, 4.0 / 3.0, 4.0 / 3.0], 1),
+        (Impact::Poisson, [-2.0 / 3.0, 4.0 / 3.0, 4.0 / 3.0], 2),
     ] {
         let mut input = balls(&[[0.0; 3], [2.0 * R, 0.0, 0.0], [4.0 * R, 0.0, 0.0]], &[]);
         input.laws = vec![(0, 0, [0.0, 1.0, 0.0, 0.0, 0.0])];

@@ -60,6 +60,7 @@ fn impact_laws(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let restitution = match facts.restitution {
             Restitution::Newton => "newton",
             Restitution::Printed => "printed",
+            Restitution::Poisson => "poisson",
         };
         row.set_item("restitution", restitution)?;
         row.set_item("problems", facts.problems)?;

@@ -79,11 +79,17 @@ impl Bounds {
 /// normal multiplier as in eq. 21. The status is that of the sliding disc (stick where there is none).
 #[inline]
 pub fn project(bounds: &Bounds, xi: &[f64], phi: &mut [f64]) -> Status {
-    let normal = xi[0];
-    if normal < 0.0 {
+    project_from(bounds, 0.0, xi, phi)
+}
+
+/// [`project`] where the normal multiplier is at least `least` (expansion by Poisson's law).
+#[inline]
+pub fn project_from(bounds: &Bounds, least: f64, xi: &[f64], phi: &mut [f64]) -> Status {
+    if xi[0] < 0.0 && least <= 0.0 {
         phi.fill(0.0);
         return Status::Gap;
     }
+    let normal = if xi[0] < least { least } else { xi[0] };
     phi[0] = normal;
     let mut status = Status::Stick;
     for disc in bounds.discs() {
@@ -126,15 +132,22 @@ pub fn pass_tangent(dim: usize, block: &mut Block) {
 /// `C_NN, C_TN, C_TT`). Unused entries of `block` are left alone.
 #[inline]
 pub fn tangent(bounds: &Bounds, xi: &[f64], block: &mut Block) {
+    tangent_from(bounds, 0.0, xi, block);
+}
+
+/// Derivative of [`project_from`].
+#[inline]
+pub fn tangent_from(bounds: &Bounds, least: f64, xi: &[f64], block: &mut Block) {
     let dim = xi.len();
     for row in block.iter_mut().take(dim) {
         row[..dim].fill(0.0);
     }
-    let normal = xi[0];
-    if normal < 0.0 {
+    if xi[0] < 0.0 && least <= 0.0 {
         return;
     }
-    block[0][0] = 1.0;
+    let held = xi[0] < least;
+    let normal = if held { least } else { xi[0] };
+    block[0][0] = if held { 0.0 } else { 1.0 };
     for disc in bounds.discs() {
         let rows = disc.start..disc.start + disc.dim;
         let radius = disc.bound * normal;
@@ -152,7 +165,7 @@ pub fn tangent(bounds: &Bounds, xi: &[f64], block: &mut Block) {
         let ratio = radius / length;
         for row in rows.clone() {
             let tau = xi[row] / length;
-            block[row][0] = disc.bound * tau;
+            block[row][0] = if held { 0.0 } else { disc.bound * tau };
             for col in rows.clone() {
                 block[row][col] = -ratio * tau * (xi[col] / length);
             }

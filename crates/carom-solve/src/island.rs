@@ -141,13 +141,16 @@ impl Newton {
         self.start.extend_from_slice(u);
         let mut x = std::mem::take(&mut self.x);
         let mut total = SolveReport::default();
+        let held = on.system.contacts.iter().any(|c| c.least > 0.0);
         for rung in &ISLAND {
-            let fits = match rung.when {
-                IslandWhen::Always => true,
-                IslandWhen::Large => large && !loads,
-                IslandWhen::Swept => swept,
-                IslandWhen::Last => options.companion.is_some() && !loads,
-            };
+            let knows = !held || matches!(rung.way, IslandWay::Newton);
+            let fits = knows
+                && match rung.when {
+                    IslandWhen::Always => true,
+                    IslandWhen::Large => large && !loads,
+                    IslandWhen::Swept => swept,
+                    IslandWhen::Last => options.companion.is_some() && !loads,
+                };
             if !fits {
                 continue;
             }

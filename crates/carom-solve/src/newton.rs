@@ -142,7 +142,7 @@ impl Augmented {
             *status = if group.bilateral {
                 cone::pass(xi, phi)
             } else {
-                cone::project(&group.bounds, xi, phi)
+                cone::project_from(&group.bounds, group.least, xi, phi)
             };
             for row in rows {
                 self.residual[row] = self.phi[row] - r[row];
@@ -157,7 +157,7 @@ impl Augmented {
             if group.bilateral {
                 cone::pass_tangent(group.dim, block);
             } else {
-                cone::tangent(&group.bounds, &self.xi[group.rows()], block);
+                cone::tangent_from(&group.bounds, group.least, &self.xi[group.rows()], block);
             }
         }
     }

@@ -23,6 +23,8 @@ pub struct RowContact {
     pub bounds: Bounds,
     /// A joint: its multipliers have no bounds and it is always active.
     pub bilateral: bool,
+    /// Least normal multiplier: 0, but in the expansion of Poisson's law.
+    pub least: f64,
     /// Leading rows that are forces and lengths; the others are moments and angles.
     pub translational: u32,
     /// Reference length r_c, m: makes rotational rows comparable and gaps relative.
@@ -50,6 +52,7 @@ impl RowContact {
             dim: self.dim as usize,
             bounds: self.bounds,
             bilateral: self.bilateral,
+            least: self.least,
         }
     }
 
@@ -222,6 +225,7 @@ impl RowSystem {
             dim: dim as u32,
             bounds: Bounds::default(),
             bilateral: false,
+            least: 0.0,
             translational: 1,
             length,
             curvature: 0.0,

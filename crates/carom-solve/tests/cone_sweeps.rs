@@ -46,6 +46,7 @@ fn problem(side: usize, mixed: bool, shuffle: bool) -> Problem {
                 row: row - dim,
                 dim,
                 bounds: if bilateral { Bounds::default() } else { bounds },
+                least: 0.0,
                 bilateral,
             }
         })

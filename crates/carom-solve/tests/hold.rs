@@ -64,6 +64,7 @@ fn one_contact_is_held_up_to_its_friction() {
         dim: 3,
         bounds,
         bilateral: false,
+        least: 0.0,
     }];
     let mut w = BlockMatrix::zeros(&groups, vec![0, 1], vec![0]);
     w.values

@@ -111,6 +111,7 @@ fn joints_are_not_projected() {
         dim: 3,
         bounds: Bounds::default(),
         bilateral: true,
+        least: 0.0,
     };
     let mut x = [-1.0, 5.0, -7.0];
     project_cone(&g, &mut x);

@@ -292,6 +292,7 @@ fn joints_are_solved_exactly_and_singular_ones_too() {
             dim,
             bounds: Bounds::default(),
             bilateral: true,
+            least: 0.0,
         };
         let a = spd(&mut rng, dim, 1.0);
         let b: Vec<f64> = (0..dim).map(|_| rng.uniform(-1.0, 1.0)).collect();

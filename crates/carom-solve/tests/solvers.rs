@@ -252,6 +252,7 @@ fn small_and_degenerate_problems() {
             dim: 2,
             bounds: Bounds::default(),
             bilateral: true,
+            least: 0.0,
         };
         let p = single(joint, &[2.0, 1.0, 1.0, 2.0], &[-3.0, 0.0]);
         let found = honest(&p, name, TOLERANCE, "joint");

@@ -11,7 +11,7 @@ with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` t
 `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together (rule R4), the first one
 counted from the motion that problem 0 has left. It takes back what joints and loads answered to impulses of problem 0 that
 remain, and answers them anew. The problem that ends a sequence which was cut obeys the same law; that of
-`sequence-paper` has no restitution.
+`sequence-paper` has no restitution. By Poisson's law the first problem has none, and after the second nothing closes.
 Bounds: `bounds`.
 """
 
@@ -96,6 +96,7 @@ class Replay:
         self.block, self.r, self.kept = block, r, kept
         self.told: dict[str, list[Told]] = {}
         self.work = np.zeros((len(r), 4))
+        self.spent = np.zeros(block.count)
         run = block.run
         self.inertia = np.tile(
             np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1), (block.count, 1)
@@ -297,8 +298,8 @@ class Replay:
         every = np.arange(rows.start, rows.stop)
         self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * left)
         o, index = run.options, self.law[rows]
-        printed = run.impact_law.restitution == "printed"
-        acts = (r.problem > 0) & ~(run.ends(r.problem) & printed)
+        printed, poissons = (run.impact_law.restitution == law for law in ("printed", "poisson"))
+        acts = (r.problem > 0) & ~(run.ends(r.problem) & printed) & (not poissons)
         e_n = np.where(acts, run.coefficient("restitution", index), 0.0)
         e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal
@@ -310,7 +311,10 @@ class Replay:
             clear = towards < -(weight + 1e-6 * scale)
             e_t = np.where(clear | (e_t == 0.0), e_t, np.where(towards >= 0.0, 0.0, np.nan))
             towards = np.minimum(towards, 0.0)
-        # Between the solutions without restitution and with it (rule R4) nothing closes, no more.
+        # Between the solutions without restitution and with it (rule R4) nothing closes, no more. Nor in an expansion, whose
+        # least impulses no table has.
+        expands = poissons & (r.problem > 1)
+        e_t = np.where(expands & (run.coefficient("tangential_restitution", index) != 0.0), np.nan, e_t)
         scaled = (r.scale > 0.0) & (r.scale < 1.0)
         if scaled.any():
             # What balls join has one share.
@@ -319,7 +323,9 @@ class Replay:
             np.minimum.at(low, joined, r.scale)
             np.maximum.at(high, joined, r.scale)
             self._tell("counts", every, high[joined] - low[joined], np.zeros(len(every)))
-        value = bounds.misfit(after.normal + r.scale * e_n * towards, np.where(scaled, 0.0, push), own[0])
+        value = bounds.misfit(
+            after.normal + r.scale * e_n * towards, np.where(scaled | expands, 0.0, push), own[0]
+        )
         self._tell("impact", every, value, 2.0 * own[0] * left + noise)
         mu = self.mu[rows]
         z = after.slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
@@ -409,9 +415,14 @@ class Replay:
             gained = np.where(
                 asked, np.where(redone, since, np.maximum(gained, since)), np.where(redone, 0.0, gained)
             )
+        if run.impact_law.restitution == "poisson":
+            # An expansion gives back what its compression took.
+            gained = since = since + (self.spent if r.problem[0] > 1 else 0.0)
+            self.spent = since
         value = np.maximum(gained, 0.0)
         # Restitution is taken back as far as there is no gain, and no further.
         taken = (np.minimum.reduceat(r.scale, first) > 0.0) & (np.maximum.reduceat(r.scale, first) < 1.0)
+        taken &= run.impact_law.restitution == "newton"
         value[k[taken]] = np.maximum(value, np.abs(since))[k[taken]]
         self._tell("passivity", rows.start + largest, value[k], bound[k])
 

@@ -14,6 +14,8 @@ SOURCES: dict[str, str] = {
     " with impacts, Multibody Syst. Dyn. 48 (2020) 127-149",
     "sequence": "A. Cosimo, F. J. Cavalieri, A. Cardona, O. Bruels, On the adaptation of local impact laws for multiple"
     " impact problems, Nonlinear Dyn. 102 (2020) 1997-2016",
+    "poisson": "C. Glocker, F. Pfeiffer, Multiple impacts with friction in rigid multibody systems, Nonlinear Dyn. 7 (1995)"
+    " 471-497",
     "newton": "P. Alart, A. Curnier, A mixed formulation for frictional contact problems prone to Newton like solution"
     " methods, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375",
     "moreau": "J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, in: Nonsmooth Mechanics and"

@@ -1,6 +1,19 @@
-//! Newton's impact law: what restitution adds to the measures of a contact (eqs. 16, 24).
+//! Newton's impact law: what restitution adds to the measures of a contact (eqs. 16, 24). And Poisson's: what a contact gets back.
 
 use crate::options::Options;
+
+/// What a contact with `[e_N, e_T]` has in the expansion: the least normal impulse, and the factor of the tangential impulse of compression that is the
+/// measure of slip there. `compressed`: that normal impulse, N s; `inverse` masses of normal and tangential rows, 1/kg.
+pub fn expansion(
+    [e_n, e_t]: [f64; 2],
+    compressed: f64,
+    inverse: [f64; 2],
+    o: &Options,
+) -> [f64; 2] {
+    let speed = compressed * inverse[0];
+    let acts = speed > 0.0 && speed >= o.restitution_threshold;
+    [if acts { e_n * compressed } else { 0.0 }, -e_t * inverse[1]]
+}
 
 /// Which velocities `V_minus` restitution acts on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -12,6 +25,9 @@ pub enum Law {
     First,
     /// On what earlier problems of the step have left of them (eq. 27).
     Later,
+    /// Poisson's law: what stops the motion before the step, and the expansion that gives e of it back.
+    Compression,
+    Expansion,
     /// As the paper prints it: normal of n, not clipped, e_T always.
     Printed,
 }
@@ -19,7 +35,12 @@ pub enum Law {
 impl Law {
     /// Whether restitution acts, and the energy safeguard looks at it. (As printed there is none.)
     pub fn has_restitution(self) -> bool {
-        matches!(self, Law::First | Law::Later)
+        matches!(self, Law::First | Law::Later | Law::Expansion)
+    }
+
+    /// Whether the energy of its problem counts from the loads on, with impulses of earlier problems.
+    pub fn is_first(self) -> bool {
+        matches!(self, Law::First | Law::Expansion)
     }
 
     /// Of a contact with `[e_N, e_T]` that approaches by `approach` (m/s, negative: it closes): what is added to the normal
@@ -27,7 +48,7 @@ impl Law {
     #[inline]
     pub fn terms(self, [e_n, e_t]: [f64; 2], approach: f64, o: &Options, tol: f64) -> [f64; 2] {
         match self {
-            Law::Plastic => [0.0; 2],
+            Law::Plastic | Law::Compression | Law::Expansion => [0.0; 2],
             Law::Printed => [e_n * approach, e_t],
             Law::First | Law::Later => {
                 let slow = -approach < o.restitution_threshold;

@@ -2,6 +2,7 @@
 //!
 //! A new law is a variant of [`Impact`], a row of [`Impact::facts`] and an arm of [`solve`]; the compiler asks for both.
 
+use super::poisson::compress_and_expand;
 use super::sequence::{as_printed, loads_first, one_shot, ImpactIsland};
 use crate::options::Impact;
 
@@ -12,6 +13,8 @@ pub enum Restitution {
     Newton,
     /// The same as the paper prints it: along the normal of t_n, not clipped, in rows only.
     Printed,
+    /// Poisson's, on impulses.
+    Poisson,
 }
 
 /// What is known of an impact law.
@@ -47,6 +50,11 @@ impl Impact {
         matches!(self.facts().restitution, Restitution::Printed)
     }
 
+    /// Whether a lone contact obeys Newton's law, which has a closed form.
+    pub const fn is_newtons(self) -> bool {
+        !matches!(self.facts().restitution, Restitution::Poisson)
+    }
+
     /// The row of the law in the table.
     pub const fn facts(self) -> LawFacts {
         match self {
@@ -80,6 +88,16 @@ impl Impact {
                 needs: NEWTON,
                 cite: &[],
             },
+            Impact::Poisson => LawFacts {
+                summary: "compression to the end, then each contact gets e times its impulse back",
+                advice: "for balls pressed between others or against a floor, which rebound",
+                loads_first: true,
+                energy: true,
+                restitution: Restitution::Poisson,
+                problems: 2,
+                needs: NEWTON,
+                cite: &["poisson"],
+            },
         }
     }
 }
@@ -91,5 +109,6 @@ pub fn solve(law: Impact, island: &mut impl ImpactIsland) -> bool {
         Impact::Sequence => loads_first(island),
         Impact::SequencePaper => as_printed(island),
         Impact::OneShot => one_shot(island),
+        Impact::Poisson => compress_and_expand(island),
     }
 }

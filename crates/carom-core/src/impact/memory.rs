@@ -42,6 +42,8 @@ pub struct ImpactScratch {
     pub(super) load: Vec<f64>,
     /// There too: speeds at which contacts open at t_n, along the normals of then.
     pub(super) opening: Vec<f64>,
+    /// Poisson's law, per row of `full`: least normal impulse of the expansion; measure of slip that it adds.
+    pub(super) expansion: Vec<f64>,
     /// Whether the problem at hand is that of the loads along `middle`; the rows of `full` along which it measures.
     pub(super) along_middle: bool,
     pub(super) measured: Vec<[[f64; NODE_DOF]; 2]>,

@@ -9,6 +9,7 @@ pub mod energy;
 pub mod law;
 pub mod laws;
 mod memory;
+mod poisson;
 mod problem;
 pub mod rows;
 pub mod sequence;

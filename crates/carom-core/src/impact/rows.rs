@@ -170,6 +170,10 @@ impl ImpactIsland for RowIsland<'_, '_> {
         solved
     }
 
+    fn compress(&mut self) -> Option<bool> {
+        (self.work).compress(self.model, self.scratch, self.report)
+    }
+
     fn add(&mut self, problem: u32) {
         self.work.commit(self.scratch.contacts);
         self.work.record(self.scratch.contacts, problem);

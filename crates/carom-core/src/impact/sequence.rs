@@ -61,6 +61,8 @@ pub trait ImpactIsland: Sync {
     /// Solves them once more without restitution.
     #[must_use]
     fn solve_without_restitution(&mut self, problem: u32) -> bool;
+    /// Impulses that stop the chosen contacts from the velocities before the step; whether any has restitution. Nothing: not solved.
+    fn compress(&mut self) -> Option<bool>;
     /// Adds the solution at hand to the impulses.
     fn add(&mut self, problem: u32);
     /// Whether the energy safeguard of the options looks at the island.

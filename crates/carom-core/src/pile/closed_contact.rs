@@ -2,6 +2,7 @@
 
 use crate::contact::Contact;
 use carom_solve::rows::WORLD;
+use carom_solve::spheres::Body;
 use carom_solve::Status;
 use glam::DVec3;
 
@@ -37,6 +38,8 @@ pub(super) struct ClosedContact {
     pub scale: f64,
     /// Work that the residuals of its problems explain, J.
     pub explained: f64,
+    /// Poisson's law: measure of slip that its expansion adds, and the least normal impulse of that.
+    pub expansion: (DVec3, f64),
     /// Its load was solved anew with an impact.
     pub dropped: bool,
 }
@@ -85,6 +88,17 @@ impl ClosedContact {
             spin += self.arms[1] * wb;
         }
         d + self.normal.cross(spin)
+    }
+
+    /// Of its normal and tangential rows, 1/kg.
+    pub fn inverse_masses(&self, bodies: &[Body]) -> [f64; 2] {
+        let sides = [(self.a, self.arms[0]), (self.b, self.arms[1])];
+        let of = sides.map(|(node, arm)| match bodies.get(node as usize) {
+            Some(b) => [b.inv_mass, arm * arm * b.inv_inertia],
+            None => [0.0; 2],
+        });
+        let normal = of[0][0] + of[1][0];
+        [normal, normal + of[0][1] + of[1][1]]
     }
 
     /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed only where that has rows of loads

@@ -113,9 +113,15 @@ impl Pile {
                 let turned = moments.get(k).map_or(0.0, |&moment| {
                     DVec3::from(moment).dot(memory.turn(slot) + roll::change(&m, u))
                 });
+                let least = if law == Law::Expansion {
+                    m.expansion.1
+                } else {
+                    0.0
+                };
                 let normal = [r.dot(m.normal), z.dot(m.normal)];
+                let beyond = [normal[0] - least, normal[1]];
                 let mut work = ContactWork::default();
-                work.explain(normal, r.dot(z) - normal[0] * normal[1] + turned);
+                work.explain(beyond, r.dot(z) - normal[0] * normal[1] + turned);
                 work.explained
             },
         );
@@ -156,7 +162,7 @@ impl Pile {
     /// Jump of the velocities from which the problem at hand is judged, and whether it solves contacts of the loads anew.
     fn judged_from(&self) -> (&[[DVec3; 2]], bool) {
         match self.law {
-            Law::First => (&self.velocity.offset, true),
+            law if law.is_first() => (&self.velocity.offset, true),
             _ => (&self.velocity.jump, false),
         }
     }
@@ -170,7 +176,8 @@ impl Pile {
             let of = |jump| Velocities::relative(m, jump);
             of(&memory.jump) - of(from)
         };
-        let had = |load: DVec3| if anew { load } else { DVec3::ZERO };
+        // Of what it has now the problem solves nothing anew: that of the loads was dropped, or is of the compression.
+        let had = |load: DVec3, now: DVec3| if anew { load - now } else { DVec3::ZERO };
         let works = memory.chosen.iter().enumerate().map(|(k, &slot)| {
             let m = &memory.closed[slot as usize];
             let mut work = ContactWork {
@@ -178,12 +185,12 @@ impl Pile {
                 ..ContactWork::between(m.a, m.b)
             };
             let impulses = [self.impulses[k], with.impulses[k]].map(DVec3::from);
-            let loaded = had(m.load) != DVec3::ZERO;
+            let loaded = anew && (m.load != DVec3::ZERO || m.impulse != DVec3::ZERO);
             work.is_pressed = loaded || impulses.iter().any(|r| *r != DVec3::ZERO);
             let since = since(m);
             let before = memory.now(m) - since;
             let changes = [&self.corrections[..], with.corrections].map(|u| since + change(m, u));
-            let given = impulses.map(|r| r - had(m.load));
+            let given = impulses.map(|r| r - had(m.load, m.impulse));
             for axis in 0..3 {
                 let at = |v: DVec3| v[axis];
                 work.add(at(before), given.map(at), changes.map(at));
@@ -194,7 +201,8 @@ impl Pile {
                 let changes = [&self.corrections[..], with.corrections];
                 let changes = changes.map(|u| since + roll::change(m, u));
                 let moments = [&self.moments[..], with.moments];
-                let given = moments.map(|of| DVec3::from(of[k]) - had(turning.load));
+                let had = had(turning.load, turning.moment);
+                let given = moments.map(|of| DVec3::from(of[k]) - had);
                 for axis in 0..3 {
                     let at = |v: DVec3| v[axis];
                     work.add(at(before), given.map(at), changes.map(at));

@@ -3,7 +3,7 @@
 use super::closed_contact::{ClosedContact, Frame};
 use super::{chunks, roll};
 use crate::contact::Contact;
-use crate::impact::law::Law;
+use crate::impact::law::{expansion, Law};
 use crate::model::Model;
 use crate::pile::limits::{budget, finer, tolerance, worst, CLOSING_LEFT, PATIENCE};
 use crate::pile::memory::Pile;
@@ -37,6 +37,12 @@ impl Pile {
         };
         self.write(model, contacts, law);
         self.load_sweeps().ok()?;
+        if law == Law::Expansion {
+            let memory = &self.velocity;
+            let least = memory.chosen.iter();
+            let least = least.map(|&slot| memory.closed[slot as usize].expansion.1);
+            self.sweeps.set_least(&least.collect::<Vec<_>>());
+        }
         self.forget_contacts();
         let goal = self.goal(model, problem);
         let before = *report;
@@ -51,9 +57,43 @@ impl Pile {
                 report.residual_velocity = report.residual_velocity.max(held.residual);
             }
         }
-        self.keep_velocity(model, contacts, law, problem, &progress);
+        // The files of problems know no least impulses.
+        if law != Law::Expansion {
+            self.keep_velocity(model, contacts, law, problem, &progress);
+        }
         self.explain(model, contacts);
         self.take(&progress, report)
+    }
+
+    /// Solves the compression of Poisson's law on them, and keeps what their expansion has; whether any has restitution.
+    pub(super) fn compress(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        report: &mut StepReport,
+    ) -> Option<bool> {
+        let (bodies, places) = (&self.bodies, &self.places);
+        (self.problem_nodes).take(&self.velocity.closed, &self.velocity.chosen, bodies, places);
+        (self.law, self.frame) = (Law::Compression, Frame::End);
+        self.write(model, contacts, self.law);
+        self.start_nothing();
+        self.load_sweeps().ok()?;
+        self.forget_contacts();
+        let progress = self.settle(&self.goal(model, 1), report);
+        self.take_solution();
+        let (memory, bodies) = (&mut self.velocity, &self.bodies);
+        let mut expands = false;
+        for (&slot, r) in memory.chosen.iter().zip(&self.impulses) {
+            let (m, r) = (&mut memory.closed[slot as usize], DVec3::from(*r));
+            let inverse = m.inverse_masses(bodies);
+            let normal = r.dot(m.normal);
+            let e = [m.restitution, m.tangential];
+            let [least, across] = expansion(e, normal, inverse, &model.options);
+            m.expansion = (across * (r - normal * m.normal), least);
+            expands |= least > 0.0;
+        }
+        self.forget_solution();
+        self.take(&progress, report).map(|()| expands)
     }
 
     /// Solves them once more from nothing, without restitution.

@@ -90,8 +90,11 @@ impl Velocities {
     /// Measures of a contact at `u = 0` by Newton's law with `V_minus = v_n + jump - offset` (eqs. 24, 27).
     pub fn measures(&self, model: &Model, m: &ClosedContact, law: Law) -> DVec3 {
         let z = self.now(m);
-        if law == Law::Plastic {
-            return z;
+        match law {
+            Law::Plastic => return z,
+            Law::Compression => return self.before(m),
+            Law::Expansion => return z + m.expansion.0,
+            _ => {}
         }
         let mut minus = self.before(m);
         if law == Law::Later {

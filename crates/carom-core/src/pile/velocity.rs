@@ -11,7 +11,7 @@ use crate::islands::Island;
 use crate::level::speeds::{opening, Speeds};
 use crate::level::Task;
 use crate::model::Model;
-use crate::options::Problems;
+use crate::options::{Impact, Problems};
 use crate::outcome::Level;
 use crate::pile::limits::node;
 use crate::pile::memory::Pile;
@@ -345,9 +345,14 @@ impl ImpactIsland for SphereIsland<'_> {
             .is_some()
     }
 
+    fn compress(&mut self) -> Option<bool> {
+        self.pile.compress(self.model, self.contacts, self.report)
+    }
+
     fn add(&mut self, problem: u32) {
-        let once = self.model.options.loads_once();
-        self.pile.commit(self.contacts, problem, once);
+        let o = &self.model.options;
+        let all = o.loads_once() || o.impact == Impact::Poisson;
+        self.pile.commit(self.contacts, problem, all);
     }
 
     fn has_safeguard(&self) -> bool {

@@ -35,7 +35,7 @@ fn difference(impact: Impact, restitution: f64, h: f64, until: f64) -> [f64; 2] 
 /// order in h (measured for the sequence: 1.2e-4, 5.9e-5, 3.1e-5 of the radius at 1, 1/2, 1/4 ms). Later a heap is chaotic.
 #[test]
 fn piles_and_exact_solvers_agree() {
-    for impact in [Impact::Sequence, Impact::OneShot] {
+    for impact in [Impact::Sequence, Impact::OneShot, Impact::Poisson] {
         let [coarse, fine] = [1e-3, 2.5e-4].map(|h| difference(impact, 0.0, h, 0.08));
         assert!(coarse[0] < 2e-4 * R && coarse[1] < 1e-3, "{coarse:?}");
         // 4 at first order.

@@ -17,7 +17,7 @@ fn piston(speed: f64, e: f64) -> ModelInput {
 #[test]
 fn a_piston_pushes_and_strikes() {
     // A ball at rest that a piston touches, and one that flies against it.
-    for impact in [Impact::Sequence, Impact::SequencePaper, Impact::OneShot] {
+    for &impact in Impact::ALL {
         for (e, u) in [
             (0.0, 0.0),
             (0.5, 0.0),

@@ -86,7 +86,7 @@ const SHOTS: usize = 100;
 /// The law of a group is that of the step: one step whose impact lies where it begins makes the same velocities, for every law.
 #[test]
 fn the_law_of_a_group_is_that_of_the_step() {
-    for impact in [Impact::Sequence, Impact::SequencePaper, Impact::OneShot] {
+    for &impact in Impact::ALL {
         let mut input = rack();
         // In contact at the start.
         input.position[0][0] = -2.0 * crate::common::R;

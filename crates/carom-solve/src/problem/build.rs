@@ -247,6 +247,7 @@ fn place_rows(
             dim: bounds.dim(),
             bounds,
             bilateral: false,
+            least: 0.0,
         });
     }
     (groups, map, place)

@@ -13,6 +13,8 @@ pub struct RowGroup {
     pub bounds: Bounds,
     /// A joint: its multipliers have no bounds.
     pub bilateral: bool,
+    /// Least normal multiplier. Above 0 (expansion by Poisson's law) Newton's method alone knows it.
+    pub least: f64,
 }
 
 impl RowGroup {

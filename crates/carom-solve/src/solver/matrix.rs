@@ -164,6 +164,7 @@ mod tests {
                 dim: 3,
                 bounds,
                 bilateral: false,
+                least: 0.0,
             })
             .collect();
         let ptr = (0..=2 * count).map(|i| 2 * i).collect();

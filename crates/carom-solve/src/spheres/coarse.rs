@@ -65,7 +65,8 @@ struct Share {
 impl Sweeps {
     /// Whether [`Sweeps::rescale`] can do anything.
     pub(super) fn scales(&self) -> bool {
-        self.layout.chunks > 1 && self.blocks.iter().all(|b| b.rolls.is_empty())
+        self.layout.chunks > 1
+            && (self.blocks.iter()).all(|b| b.rolls.is_empty() && b.least.is_empty())
     }
 
     /// Scales the impulses of chunks, and forgets the momentum. Whether anything was changed.

@@ -1,7 +1,7 @@
 //! Groups: contacts that share no moving body, swept as one.
 
 use super::bodies::{ContactLanes, State};
-use super::lanes::{EMPTY, GROUP, SWAPPED};
+use super::lanes::{Column, EMPTY, GROUP, SWAPPED};
 use super::problem::Contact;
 use super::rolls::Rolls;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -19,6 +19,17 @@ pub struct ContactBlock {
     pub ids: Vec<[u32; GROUP]>,
     /// Moments of the groups; empty where nothing rolls.
     pub rolls: Vec<Rolls>,
+    /// Least normal impulses of the groups, N s; empty where all are 0.
+    pub least: Vec<Column>,
+}
+
+/// No least impulses.
+const NONE: Column = [0.0; GROUP];
+
+/// Those of a group.
+#[inline(always)]
+pub fn least(of: &[Column], group: usize) -> &Column {
+    of.get(group).unwrap_or(&NONE)
 }
 
 /// Where each contact is swept: its block, and its lane among those of the block's groups. Blocks on several threads write them.
@@ -139,6 +150,7 @@ impl ContactBlock {
         let right = right.unwrap_or(left);
         packing.pack(links, offset + right.len(), offset);
         self.rolls.clear();
+        self.least.clear();
         self.ids.clear();
         let ids = packing.groups.iter().map(|links| links.map(|link| link.id));
         self.ids.extend(ids);

@@ -5,7 +5,7 @@
 //! `w_T = w_N + r_a^2/I_a + r_b^2/I_b` across. So the contact problem of one contact has the closed solution
 //!
 //! ```text
-//! r_N+ = max(0, r_N - z_N / w_N)
+//! r_N+ = max(0, r_N - z_N / w_N)           (or a least impulse in place of 0)
 //! x    = (r - z / w_T) without its part along n
 //! r_T+ = x min(1, mu r_N+ / |x|)
 //! ```
@@ -15,7 +15,7 @@
 
 use super::bodies::{Bodies, ContactLanes, Read};
 use super::carry::Along;
-use super::lanes::{Lanes, Work, GROUP};
+use super::lanes::{Column, Lanes, Work, GROUP};
 use super::vectors::{add, cross, dot, part, parts, put, scale, sub, V3};
 
 /// Relative velocity without spin, and the sum of surface velocities, of the lanes from `at`. Rows are summed before they are
@@ -56,7 +56,7 @@ pub fn measures<S: Lanes>(
     add(s, z, cross(s, n, surface))
 }
 
-/// `r - m z` on the cone: along `n` on the half-line, with the mass `m_N`, across on the disc that belongs to it, with `m_T`.
+/// `r - m z` on the cone: along `n` on the half-line from `least` on, with the mass `m_N`, across on the disc that belongs to it, with `m_T`.
 #[inline(always)]
 pub fn project<S: Lanes>(
     s: S,
@@ -65,11 +65,10 @@ pub fn project<S: Lanes>(
     z: V3<S>,
     n: V3<S>,
     [mass_n, mass_t]: [S::f64s; 2],
-    friction: S::f64s,
+    [friction, least]: [S::f64s; 2],
 ) -> V3<S> {
-    let zero = s.splat_f64s(0.0);
     let normal = s.sub_f64s(r_n, s.mul_f64s(z_n, mass_n));
-    let normal = s.select_f64s(s.greater_than_f64s(normal, zero), normal, zero);
+    let normal = s.select_f64s(s.greater_than_f64s(normal, least), normal, least);
     let x = sub(s, r, scale(s, mass_t, z));
     let x_n = s.sub_f64s(r_n, s.mul_f64s(mass_t, z_n));
     let x = sub(s, x, scale(s, x_n, n));
@@ -88,7 +87,7 @@ fn solve<S: Lanes>(
     s: S,
     carry: &mut Along,
     bodies: [V3<S>; 2],
-    group: &mut ContactLanes,
+    (group, least): (&mut ContactLanes, &Column),
     at: usize,
 ) -> [V3<S>; 2] {
     let n = parts::<S>(&group.normal, at);
@@ -99,8 +98,8 @@ fn solve<S: Lanes>(
         part::<S>(&group.mass_normal, at),
         part::<S>(&group.mass_tangential, at),
     ];
-    let friction = part::<S>(&group.friction, at);
-    let new = project(s, old, [old_n, z_n], z, n, masses, friction);
+    let bounds = [part::<S>(&group.friction, at), part::<S>(least, at)];
+    let new = project(s, old, [old_n, z_n], z, n, masses, bounds);
     let change = sub(s, new, old);
     put::<S>(&mut group.impulse, at, new);
     carry.note(s, group, at, change, z_n);
@@ -142,6 +141,7 @@ pub fn sweep_group<S: Lanes>(
     carry: &mut Along,
     bodies: &mut impl Bodies,
     group: &mut ContactLanes,
+    least: &Column,
 ) {
     // Two sets of lanes at a time: each is one long chain of dependent operations.
     for at in (0..GROUP).step_by(2 * S::F64_LANES) {
@@ -150,8 +150,8 @@ pub fn sweep_group<S: Lanes>(
             gather(simd, bodies, group, at),
             gather(simd, bodies, group, next),
         );
-        let one = solve(simd, carry, one, group, at);
-        let two = solve(simd, carry, two, group, next);
+        let one = solve(simd, carry, one, (group, least), at);
+        let two = solve(simd, carry, two, (group, least), next);
         scatter(simd, one, bodies, group, at);
         scatter(simd, two, bodies, group, next);
     }

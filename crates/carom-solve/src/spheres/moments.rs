@@ -2,7 +2,7 @@
 
 use super::bodies::{Bodies, Both, ContactLanes, Read, State};
 use super::carry::Along;
-use super::groups::ContactBlock;
+use super::groups::{least, ContactBlock};
 use super::kernel::{gather, measures};
 use super::lanes::{vector, Lanes, GROUP};
 use super::rolls::Rolls;
@@ -146,8 +146,9 @@ pub fn sweep_moments<S: Lanes>(
 pub fn norms<S: Lanes>(s: S, block: &ContactBlock, bodies: &Both, penalty_scale: f64) -> [f64; 3] {
     let mut sums = [[0.0; GROUP]; 3];
     let scale_of = s.splat_f64s(penalty_scale);
-    let groups = block.groups.iter().zip(&block.rolls);
-    for (group, rolls) in groups.filter(|(_, rolls)| rolls.any) {
+    let groups = block.groups.iter().zip(&block.rolls).enumerate();
+    for (k, (group, rolls)) in groups.filter(|(_, (_, rolls))| rolls.any) {
+        let least = least(&block.least, k);
         for at in (0..GROUP).step_by(S::F64_LANES) {
             let n = parts::<S>(&group.normal, at);
             // Discs belong to the augmented normal impulse, as in `residual`.
@@ -158,7 +159,9 @@ pub fn norms<S: Lanes>(s: S, block: &ContactBlock, bodies: &Both, penalty_scale:
             let m = parts::<S>(&rolls.moment, at);
             let z = turns(s, bodies, group, rolls, at);
             let inertia = s.mul_f64s(scale_of, part::<S>(&rolls.inertia, at));
-            let phi = project(s, [m, z, n], inertia, positive(s, normal), rolls, at);
+            let least = part::<S>(least, at);
+            let normal = s.select_f64s(s.greater_than_f64s(normal, least), normal, least);
+            let phi = project(s, [m, z, n], inertia, normal, rolls, at);
             let over = part::<S>(&rolls.per_length, at);
             let over = s.mul_f64s(over, over);
             for (sum, x) in sums.iter_mut().zip([sub(s, phi, m), phi, m]) {

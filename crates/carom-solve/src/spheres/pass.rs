@@ -2,9 +2,9 @@
 
 use super::bodies::{Bodies, ContactLanes, One, State, Two};
 use super::carry::Along;
-use super::groups::ContactBlock;
+use super::groups::{least, ContactBlock};
 use super::kernel::{sweep_group, Push};
-use super::lanes::{Instructions, Lanes, Work};
+use super::lanes::{Column, Instructions, Lanes, Work};
 use super::moments::{self, sweep_moments};
 use super::rolls::Rolls;
 
@@ -23,6 +23,8 @@ struct Pass<'a, B> {
     groups: &'a mut [ContactLanes],
     /// As many, or none.
     rolls: &'a mut [Rolls],
+    /// As many, or none.
+    least: &'a [Column],
     carry: Along,
 }
 
@@ -41,12 +43,14 @@ impl<B: Bodies> Work for Pass<'_, B> {
                     self.bodies.fetch(next);
                 }
                 let group = &mut self.groups[k];
-                sweep_group(simd, &mut self.carry, &mut self.bodies, group);
+                let least = least(self.least, k);
+                sweep_group(simd, &mut self.carry, &mut self.bodies, group, least);
             }
             return self.carry;
         }
-        for (group, rolls) in self.groups.iter_mut().zip(self.rolls) {
-            sweep_group(simd, &mut self.carry, &mut self.bodies, group);
+        for (k, (group, rolls)) in self.groups.iter_mut().zip(self.rolls).enumerate() {
+            let least = least(self.least, k);
+            sweep_group(simd, &mut self.carry, &mut self.bodies, group, least);
             if rolls.any {
                 sweep_moments(simd, &mut self.carry, &mut self.bodies, group, rolls);
             }
@@ -63,18 +67,25 @@ pub(super) fn pass(
     right: Option<&mut [State]>,
     carry: Along,
 ) -> Along {
-    let ContactBlock { groups, rolls, .. } = block;
+    let ContactBlock {
+        groups,
+        rolls,
+        least,
+        ..
+    } = block;
     match right {
         None => instructions.run(Pass {
             bodies: One(left),
             groups,
             rolls,
+            least,
             carry,
         }),
         Some(right) => instructions.run(Pass {
             bodies: Two(left, right),
             groups,
             rolls,
+            least,
             carry,
         }),
     }

@@ -1,7 +1,7 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
 use super::bodies::{Both, State};
-use super::groups::ContactBlock;
+use super::groups::{least, ContactBlock};
 use super::kernel::{gather, measures, project};
 use super::lanes::{head, Lanes, Work, GROUP};
 use super::vectors::{dot, part, parts, sub};
@@ -40,7 +40,8 @@ impl Work for NormsOf<'_> {
         let mut sums = [[0.0; GROUP]; 4];
         let scale_of = s.splat_f64s(self.penalty_scale);
         let bodies = Both(self.left, self.right);
-        for group in &self.block.groups {
+        for (k, group) in self.block.groups.iter().enumerate() {
+            let least = least(&self.block.least, k);
             for at in (0..GROUP).step_by(S::F64_LANES) {
                 let n = parts::<S>(&group.normal, at);
                 let r = parts::<S>(&group.impulse, at);
@@ -57,7 +58,7 @@ impl Work for NormsOf<'_> {
                     z,
                     n,
                     masses,
-                    part::<S>(&group.friction, at),
+                    [part::<S>(&group.friction, at), part::<S>(least, at)],
                 );
                 let residual = sub(s, phi, r);
                 let lane = at / S::F64_LANES;

@@ -125,6 +125,22 @@ impl Sweeps {
         contacts.get(bad).map_or(Ok(()), |c| c.check(bad))
     }
 
+    /// Asks for at least these normal impulses, N s, until the contacts are renewed.
+    pub fn set_least(&mut self, least: &[f64]) {
+        assert_eq!(least.len(), self.pairs, "one impulse per contact");
+        self.norms = None;
+        for block in &mut self.blocks {
+            block.least.clear();
+            block.least.extend(block.ids.iter().map(|ids| {
+                let mut own = Column::default();
+                for (lane, index, _) in filled(ids) {
+                    own[lane] = least[index];
+                }
+                own
+            }));
+        }
+    }
+
     /// Starts from impulses on the bodies `a`, N s: `u` follows from them.
     pub fn warm_start(&mut self, impulses: &[[f64; 3]]) {
         assert_eq!(impulses.len(), self.pairs, "one impulse per contact");

@@ -21,6 +21,7 @@ fn mixed(rng: &mut Rng) -> Problem {
             dim: bounds.dim(),
             bounds,
             bilateral: false,
+            least: 0.0,
         });
     }
     let row = groups.last().map_or(0, |g| g.row + g.dim);
@@ -29,6 +30,7 @@ fn mixed(rng: &mut Rng) -> Problem {
         dim: 2,
         bounds: Bounds::default(),
         bilateral: true,
+        least: 0.0,
     });
     let c = groups.len();
     let ptr = (0..=c).map(|i| i * c).collect();

@@ -27,6 +27,7 @@ pub fn group(bounds: Bounds) -> RowGroup {
         dim: bounds.dim(),
         bounds,
         bilateral: false,
+        least: 0.0,
     }
 }
 

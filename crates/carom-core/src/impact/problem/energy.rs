@@ -1,7 +1,6 @@
 //! Work of an island's contacts and joints ([`crate::impact::energy`]).
 
 use crate::impact::energy::{scales, Admit, ContactWork};
-use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
 use carom_solve::rows::{RowContact, NODE_DOF};
@@ -92,14 +91,14 @@ impl ImpactScratch {
             let z = |r: usize| self.sub.z0[r] + c.along(&measured[r], &self.u);
             let across = (row + 1..row + c.dim as usize).map(|r| self.lambda[r] * z(r));
             let mut work = ContactWork::default();
-            work.explain([self.lambda[row], z(row)], across.sum());
+            work.explain([self.lambda[row] - c.least, z(row)], across.sum());
             self.explained.push(work.explained);
         }
     }
 
     /// Jump of the velocities from which the problem at hand is judged, and whether it solves contacts of the loads anew.
     fn judged_from(&self) -> (&[f64], bool) {
-        if self.law == Law::First {
+        if self.law.is_first() {
             (&self.offset, true)
         } else {
             (&self.fixed, false)
@@ -133,12 +132,14 @@ impl ImpactScratch {
         let works: Vec<ContactWork> = (slots.zip(&self.sub.contacts).enumerate())
             .map(|(position, (slot, c))| {
                 let full = &self.full.contacts[slot];
+                let row = |r: usize| full.row as usize + r;
                 let had = |r: usize| match anew {
-                    true => self.offset_impulse[full.row as usize + r],
+                    true => self.offset_impulse[row(r)] - self.impulse[row(r)],
                     false => 0.0,
                 };
                 let pressed = |lambda: &[f64]| lambda[c.row as usize] > 0.0;
-                let any = pressed(&self.lambda) || pressed(&with.lambda) || had(0) > 0.0;
+                let had_any = had(0) > 0.0 || (anew && self.impulse[row(0)] > 0.0);
+                let any = pressed(&self.lambda) || pressed(&with.lambda) || had_any;
                 let of_residual = self.explained.get(position).copied().unwrap_or(0.0);
                 let mut work = ContactWork {
                     is_pressed: c.bilateral || any,

@@ -2,7 +2,7 @@
 
 use crate::contact::Contact;
 use crate::impact::coupled::CoupledVelocities;
-use crate::impact::law::Law;
+use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
 use crate::level::coupling::Trial;
 use crate::level::{newton_options, worst_group};
@@ -52,11 +52,50 @@ impl ImpactScratch {
             // What was tried on the way, with more restitution, is no failure.
             scratch.keeper.failed = failed_before;
         }
-        if scratch.keeper.wants(self.last.iterations) {
+        // The files of problems know no least impulses.
+        if law != Law::Expansion && scratch.keeper.wants(self.last.iterations) {
             self.keep(model, scratch, problem);
         }
         self.explain();
         true
+    }
+
+    /// Solves the compression of Poisson's law on the chosen contacts, and keeps what their expansion has; whether any has restitution.
+    pub fn compress(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        report: &mut StepReport,
+    ) -> Option<bool> {
+        self.law = Law::Compression;
+        self.along_middle = false;
+        self.velocity.clone_from(&self.v_old);
+        self.build(model, scratch.contacts, self.law);
+        for c in &self.sub.contacts[self.chosen.len()..] {
+            self.sub.z0[c.rows()].fill(0.0);
+        }
+        // An impact takes no time, in which loads could answer it.
+        let loads = std::mem::take(&mut self.loads);
+        let load = std::mem::take(&mut self.sub.load);
+        let solved = self.solve_built(model, scratch, 1, None, report);
+        (self.loads, self.sub.load) = (loads, load);
+        self.expansion.clear();
+        self.expansion.resize(self.full.rows(), 0.0);
+        let mut expands = false;
+        for (&slot, c) in self.chosen.iter().zip(&self.sub.contacts) {
+            let material = scratch.contacts[self.members[slot] as usize].law(model);
+            let e = [material.restitution, material.tangential_restitution];
+            let (from, to) = (c.row as usize, self.full.contacts[slot].row as usize);
+            let slides = c.bounds.sliding > 0.0;
+            let inverse = [0, usize::from(slides)].map(|r| self.sub.diag[from + r]);
+            let [least, across] = expansion(e, self.lambda[from], inverse, &model.options);
+            self.expansion[to] = least;
+            for r in 1..if slides { 3 } else { 1 } {
+                self.expansion[to + r] = across * self.lambda[from + r];
+            }
+            expands |= least > 0.0;
+        }
+        solved.then_some(expands)
     }
 
     /// Solves the problem at hand once more from its solution, which stays if it cannot be found more finely.
@@ -160,7 +199,7 @@ impl ImpactScratch {
         sub.inv_mass.extend_from_slice(&self.full.inv_mass);
         sub.inv_inertia.extend_from_slice(&self.full.inv_inertia);
         sub.node_length.extend_from_slice(&self.full.node_length);
-        for &slot in &self.chosen {
+        for (position, &slot) in self.chosen.iter().enumerate() {
             let c = self.full.contacts[slot];
             let contact = &contacts[self.members[slot] as usize];
             let row = sub.jac.len();
@@ -178,6 +217,19 @@ impl ImpactScratch {
             let material = contact.law(model);
             let approach = match law {
                 Law::Plastic => continue,
+                Law::Compression => {
+                    let measures = rows.map(|r| self.relative::<0>(&c, r, &self.velocity));
+                    sub.z0.splice(row.., measures);
+                    continue;
+                }
+                Law::Expansion => {
+                    sub.contacts[position].least = self.expansion[c.row as usize];
+                    let slides = if c.bounds.sliding > 0.0 { 3 } else { 1 };
+                    for r in 1..slides {
+                        sub.z0[row + r] += self.expansion[c.row as usize + r];
+                    }
+                    continue;
+                }
                 Law::Printed => self.printed_approach(&c, contact),
                 _ => self.relative::<0>(&c, c.row as usize, &self.v_minus),
             };
