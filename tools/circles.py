@@ -149,8 +149,10 @@ class Package:
                     )
                     parts = tuple(path.split("."))
                     other = parts if parts in self.files else parts[:-1]
-                    if other in self.files and other != module:
-                        arrows[module][other].add(parts[-1])
+                    # A module is loaded after the packages that it lies in.
+                    for k in range(1, len(other) + 1):
+                        if other[:k] in self.files and module[:k] != other[:k]:
+                            arrows[module][other[:k]].add(parts[-1])
         return arrows
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from difflib import get_close_matches
 from importlib import import_module  # noqa: TID251 the packages of extras
 from typing import Any
 
@@ -148,8 +149,6 @@ def extra(module: str, needs: str, name: str, cure: str = "") -> Any:
 
 def nearest(name: str, known: Sequence[str]) -> str | None:
     """The known name that the user probably meant, or None."""
-    from difflib import get_close_matches  # only needed once something is wrong
-
     if name.lower() in known:
         return name.lower()
     for key, others in SYNONYMS.items():

@@ -12,6 +12,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from carom.audit import (
+    claims,
+    cones,
+    counts,
+    energy,
+    flows,
+    gaps,
+    impacts,
+    joints,
+    motion,
+    references,
+    tables,
+    tunnel,
+    works,
+)
+from carom.audit.block import blocks
+from carom.audit.data import read
+from carom.audit.near import near
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import rerun
 from carom.result.remarks import remarks
@@ -28,8 +46,6 @@ def check(run: Result | str | Path) -> Report:
 
     What the files claim wrongly is a finding of the report; files that cannot be read raise `CaromError`.
     """
-    from carom.audit.data import read
-
     path = Path(run if isinstance(run, (str, Path)) else run.path)
     if path.is_file():
         path = path.parent
@@ -53,24 +69,6 @@ def check(run: Result | str | Path) -> Report:
 
 
 def _judge(run: Run, tally: Tally) -> None:
-    from carom.audit import (
-        claims,
-        cones,
-        counts,
-        energy,
-        flows,
-        gaps,
-        impacts,
-        joints,
-        motion,
-        references,
-        tables,
-        tunnel,
-        works,
-    )
-    from carom.audit.block import blocks
-    from carom.audit.near import near
-
     if not references.judge(run, tally):
         return
     tables.judge(run, tally)

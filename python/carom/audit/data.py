@@ -21,7 +21,9 @@ from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
 from carom.result.record.walls import tables
+from carom.run.result import UnfinishedRun, load
 from carom.scene.assembly.held_apart import HeldApart, held_apart
+from carom.scene.scene import Scene
 from carom.scene.tables.impact_laws import LAWS, ImpactLaw
 from carom.scene.tables.options import MOST_PROBLEMS
 
@@ -55,8 +57,6 @@ class Run:
     """What a run left behind, as arrays in SI units. N bodies, T frames, S steps."""
 
     def __init__(self, result: Result) -> None:
-        from carom.scene.scene import Scene
-
         self.result = result
         self.doubted = False
         #: What was computed of it (`block.once`).
@@ -272,7 +272,7 @@ class Run:
     def answering(self) -> Bool:
         """(N,) bodies with a joint, or with loads that depend on the motion: these answer within an impact problem."""
         found = np.zeros(self.bodies, dtype=bool)
-        for one in (*self.joints, *(load for load in self.loads if load["kind"] != "force")):
+        for one in (*self.joints, *(one for one in self.loads if one["kind"] != "force")):
             mine = [int(one[key]) for key in ("a", "b", "body") if key in one]
             found[[body for body in mine if body >= 0]] = True
             found |= not mine  # a function may act on all
@@ -331,8 +331,6 @@ class Run:
 
 def read(path: str | Path) -> Run:
     """Open a run directory, also one that did not reach its end."""
-    from carom.run.result import UnfinishedRun, load
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnfinishedRun)
         return Run(load(path))

@@ -18,6 +18,10 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.errors import CaromError
+from carom.result.record.layout import SOMETIMES, TABLES
+from carom.run.result import UnfinishedRun, load
+from carom.run.simulate import RunFailed, simulate
+from carom.scene.scene import Scene
 
 if TYPE_CHECKING:
     from carom.result.record import Record
@@ -81,8 +85,6 @@ class Rerun:
 
 def rerun(run: Result | str | Path, threads: Sequence[int] = (1,)) -> list[Rerun]:
     """Run the scenario of a run again, once for each number of threads, and compare all data bit for bit."""
-    from carom.run.result import UnfinishedRun, load
-
     path = Path(run if isinstance(run, (str, Path)) else run.path)
     path = path.parent if path.is_file() else path
     with warnings.catch_warnings():
@@ -92,9 +94,6 @@ def rerun(run: Result | str | Path, threads: Sequence[int] = (1,)) -> list[Rerun
 
 
 def _once(original: Result, threads: int) -> Rerun:
-    from carom.run.simulate import RunFailed, simulate
-    from carom.scene.scene import Scene
-
     scene = Scene.from_toml(original.path / "scenario.toml")
     if any(place.function is None for place in scene.load_functions):
         raise CaromError(
@@ -121,8 +120,6 @@ def _once(original: Result, threads: int) -> Rerun:
 
 
 def _compare(original: Result, again: Result) -> tuple[int, int, tuple[Difference, ...]]:
-    from carom.result.record.layout import SOMETIMES, TABLES
-
     found: list[Difference] = []
     datasets = numbers = 0
     for table in STATIC:

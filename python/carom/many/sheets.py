@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from carom.many.order import pairwise_order
+from carom.many.quantity import QUANTITIES
 from carom.text import WIDTH, columns, seconds, table
 
 if TYPE_CHECKING:
@@ -42,8 +44,6 @@ def titled(title: str, case: str | None) -> str:
 
 def of_comparison(found: Comparison) -> Sheet:
     """A column for each method."""
-    from carom.many.quantity import QUANTITIES
-
     runs = list(found)
     rows: list[list[str]] = []
 
@@ -114,8 +114,6 @@ def _fitted(order: Order) -> str:
 
 def _between(found: Convergence, name: str, i: int) -> str:
     """The order between a step and the one before it, where both errors stand clear of rounding."""
-    from carom.many.order import pairwise_order
-
     if i == 0:
         return ""
     order = pairwise_order(found.steps[i - 1 : i + 1], found.errors[name][i - 1 : i + 1])

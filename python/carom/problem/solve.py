@@ -7,9 +7,11 @@ decided here, by the residual that `carom.problem.residual` computes anew from t
 from __future__ import annotations
 
 import math
+import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from html import escape
@@ -105,8 +107,6 @@ class Solution:
 
     def to_fclib(self, path: Path | str) -> Path:
         """Write the problem and, in the group `solution` as FCLib has it, `r`, `u` and of bodies `v`."""
-        import tempfile
-
         path = Path(path)
         with tempfile.TemporaryDirectory() as folder:
             whole = write_fclib(self.problem.source, Path(folder) / "problem.hdf5")
@@ -269,8 +269,6 @@ def _interruptible(call: Callable[[], dict[str, Any]], cancel: Callable[[], None
     """`call()` so that Ctrl-C is heard at once: `cancel` tells the core to end, and soon nobody waits for it any more."""
     if threading.current_thread() is not threading.main_thread():  # signals go to the main thread
         return call()
-    from concurrent.futures import Future
-
     answer: Future[dict[str, Any]] = Future()
     # A bare lock: an interruption while it is waited for leaves nothing locked that the worker needs.
     ended = threading.Lock()

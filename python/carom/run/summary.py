@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+import h5py
 import numpy as np
 
 import carom
@@ -27,8 +28,6 @@ LISTED_BODIES = 100
 @cache
 def versions() -> dict[str, Any]:
     """What computed the run, without naming the machine: versions, build of the core if it is known, kind of processor."""
-    import h5py
-
     build = checkpoint.build()
     return {
         "carom": carom.__version__,

@@ -13,6 +13,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -117,8 +118,6 @@ def _loggers(*roots: str) -> list[logging.Logger]:
 
 
 def _drive(client: Any, waiting: list[Job], done: Done) -> None:
-    from concurrent.futures import CancelledError
-
     from distributed import wait
 
     flying: dict[Any, Job] = {}

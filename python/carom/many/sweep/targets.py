@@ -7,6 +7,7 @@ next to nothing per case (`carom.many.cases`); for the other two the scene is bu
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -131,8 +132,6 @@ def _as_text(text: str) -> str:
 
 
 def _parameters(text: str) -> list[str]:
-    import tomllib
-
     return parameters.names(tomllib.loads(text))[0]
 
 

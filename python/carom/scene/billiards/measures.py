@@ -9,6 +9,7 @@ from typing import Any
 from carom.errors import CaromError
 from carom.scene.billiards.arguments import angle, number
 from carom.scene.billiards.data import Spec
+from carom.scene.tables.billiard import misfit
 
 
 def mark(spec: Spec) -> dict[str, Any]:
@@ -36,23 +37,6 @@ def checked(spec: Spec) -> Spec:
             "is that between nose and facing, from 90 deg to below 180 deg",
         )
     spec = replace(spec, **given)
-    r = spec.ball_radius
-    if not 0 < r < spec.nose_height < 2 * r:
-        raise CaromError(
-            f"table: nose_height must be above the centre of the ball and below its top, {r:g} to {2 * r:g} m,"
-            f" found {spec.nose_height:g}"
-        )
-    if min(spec.length, spec.width) < 10 * r:
-        raise CaromError(f"table: {spec.length:g} m x {spec.width:g} m is too small for balls of {r:g} m")
-    if bool(spec.corner_mouth) != bool(spec.side_mouth):
-        raise CaromError(
-            "table: give corner_mouth and side_mouth both, or both 0 for a table without pockets"
-        )
-    # Each piece of nose must be longer than nothing.
-    a, b = spec.corner_mouth / math.sqrt(2), 0.5 * spec.side_mouth
-    if not (0.5 * spec.length > a + b and spec.width > 2 * a):
-        raise CaromError(
-            f"table: pockets of {spec.corner_mouth:g} m (corner_mouth) and {spec.side_mouth:g} m (side_mouth) leave"
-            f" no cushion on {spec.length:g} m x {spec.width:g} m"
-        )
+    if told := misfit(spec):
+        raise CaromError(f"table: {told}")
     return spec

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Self
+import math
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import model_validator
 
-from carom.errors import CaromError
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import Bounds, Quantity, Text, refuse
 from carom.scene.tables.quantities import Distance, Length, Mass, key
 
-RIGHT_ANGLE, STRAIGHT = 1.5707963267948966, 3.141592653589793
-Angle = Annotated[float, Quantity("angle", Bounds(ge=RIGHT_ANGLE, lt=STRAIGHT))]
+Angle = Annotated[float, Quantity("angle", Bounds(ge=math.pi / 2, lt=math.pi))]
 
 
 class BilliardTable(Table):
@@ -41,11 +40,29 @@ class BilliardTable(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        from carom.scene.billiards.data import Spec
-        from carom.scene.billiards.measures import checked
-
-        try:
-            checked(Spec(**self.written(everything=True)))
-        except CaromError as error:
-            raise refuse(str(error).removeprefix("table: "), "give measures of a table that can be") from None
+        if told := misfit(self):
+            raise refuse(told, "give measures of a table that can be")
         return self
+
+
+def misfit(table: Any) -> str | None:
+    """Why no table has these measures (the attributes of a `BilliardTable`, SI); None if one can."""
+    r, length, width = table.ball_radius, table.length, table.width
+    corner, side = table.corner_mouth, table.side_mouth
+    if not 0 < r < table.nose_height < 2 * r:
+        return (
+            f"nose_height must be above the centre of the ball and below its top, {r:g} to {2 * r:g} m,"
+            f" found {table.nose_height:g}"
+        )
+    if min(length, width) < 10 * r:
+        return f"{length:g} m x {width:g} m is too small for balls of {r:g} m"
+    if bool(corner) != bool(side):
+        return "give corner_mouth and side_mouth both, or both 0 for a table without pockets"
+    # Each piece of nose must be longer than nothing.
+    a, b = corner / math.sqrt(2), 0.5 * side
+    if not (0.5 * length > a + b and width > 2 * a):
+        return (
+            f"pockets of {corner:g} m (corner_mouth) and {side:g} m (side_mouth) leave no cushion on"
+            f" {length:g} m x {width:g} m"
+        )
+    return None

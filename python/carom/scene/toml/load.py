@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -77,8 +78,6 @@ def read_text(path: str | Path) -> str:
 
 def _files_beside(path: Path) -> str:
     """A cure for a name that does not exist: the nearest scenario in the same directory, or the example of that name."""
-    from difflib import get_close_matches
-
     try:
         names = [p.name for p in path.parent.glob("*.toml")]
     except (OSError, ValueError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure  # noqa: TID253 this module is imported where figures are drawn
 
 
 class Drawing(Figure):
