@@ -16,6 +16,7 @@ from carom.reproduce.errata import BY_KEY
 
 Verdict = Literal["ok", "paper in error", "short"]
 Scale = Literal["linear", "log"]
+Kind = Literal["line", "dashed", "points", "marked"]
 #: Greatest and mean number of iterations of one sub-problem.
 Iterations = tuple[float, float]
 
@@ -108,7 +109,7 @@ class Curve:
     label: str
     x: F64
     y: F64
-    kind: Literal["line", "dashed", "points", "marked"] = "line"
+    kind: Kind = "line"
     body: int | None = None
 
     def __post_init__(self) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from carom import _core
 from carom.many.order import Order
-from carom.reproduce.document import Context, Counts, Row
+from carom.reproduce.document import Context, Counts, Curve, Figure, Kind, Row
 from carom.reproduce.memory import Trace, trace
 from carom.scene.scene import Scene
 
@@ -97,6 +97,53 @@ def row(
         bool(erratum),
         erratum,
     )
+
+
+def iterations(
+    runs: Mapping[str, Scene],
+    tolerances: Iterable[float],
+    printed: Mapping[str, Printed],
+    as_printed: Iterable[str],
+) -> tuple[Counts, ...]:
+    """Counts of scenes by name: `newton` iterates on all contacts, as the paper does, `auto` solves single ones in closed
+    form; then those `as_printed`.
+    """
+    found = [
+        counts(f"{name}, {how}", counted(scene, tolerance=tol, solver=how), tol, printed[name])
+        for name, scene in runs.items()
+        for how in ("newton", "auto")
+        for tol in tolerances
+    ]
+    for name in as_printed:
+        run = counted(runs[name], **AS_PRINTED)
+        found.append(counts(f"{name}, as printed", run, PAPER_TOLERANCE, printed[name]))
+    return tuple(found)
+
+
+def errors(
+    label: str, points: Iterable[Any], of: str, kind: Kind = "points", body: int | None = None
+) -> Curve:
+    """An error of the points of a study, the attribute `of`, over their step `h`."""
+    points = list(points)
+    return Curve(
+        label, np.array([p.h for p in points]), np.array([getattr(p, of) for p in points]), kind, body
+    )
+
+
+def convergence(
+    number: str,
+    example: str,
+    title: str,
+    curves: Iterable[Curve],
+    caption: str,
+    *,
+    slopes: tuple[float, ...] = (1.0,),
+    xlabel: str = "h in s",
+    ylabel: str = "error (eq. 45)",
+) -> Figure:
+    """Errors over the step, both logarithmic, with reference slopes."""
+    logarithmic: dict[str, Any] = {"xscale": "log", "yscale": "log", "slopes": slopes}
+    return Figure(number, example, title, xlabel, ylabel, tuple(curves), caption, **logarithmic)
 
 
 def paragraphs(text: str, **values: object) -> tuple[str, ...]:

@@ -286,18 +286,10 @@ def _radius_figure(quick: bool) -> Figure:
 
 def _order_figure(steps: tuple[float, ...], displacement: list[float], velocity: list[float]) -> Figure:
     h = np.array(steps)
-    return Figure(
-        number="order",
-        example=ID,
-        title="Convergence in smooth motion",
-        xlabel="step h in s",
-        ylabel="error (eq. 45)",
-        curves=(Curve("displacement", h, np.array(displacement)), Curve("velocity", h, np.array(velocity))),
-        xscale="log",
-        yscale="log",
-        slopes=(2.0,),
-        caption="A period of the oscillator of 1 s, rho_inf = 0.8.",
-    )
+    curves = (Curve("displacement", h, np.array(displacement)), Curve("velocity", h, np.array(velocity)))
+    caption = "A period of the oscillator of 1 s, rho_inf = 0.8."
+    title, label = "Convergence in smooth motion", "step h in s"
+    return study.convergence("order", ID, title, curves, caption, slopes=(2.0,), xlabel=label)
 
 
 TEXT = """

@@ -13,6 +13,7 @@ from carom.arrays import F64
 from carom.many.order import Order, order_of
 from carom.reproduce.analytic import slip_error as exact
 from carom.reproduce.document import Context, Curve, Example, Figure, Row
+from carom.reproduce.study import row
 
 EXAMPLE = "B"
 #: r_B/r_A and phi_A (rad) of the curves. The paper draws three of either and its text names none.
@@ -72,47 +73,25 @@ def _rows(ratio: float, phi: F64, found: F64) -> list[Row]:
     theta = float(exact.contact_angle(LARGEST, ratio))
     printed = float(exact.printed_slip_error(theta))
     order = _order(phi, found)
+    name = f"slip error, r_B/r_A = {ratio:g}, phi_A = {LARGEST:g} rad"
+    closed, note = float(exact.slip_error(theta)), "eq. 61 at this angle stands in the column of the paper"
+    found_here, why = slip_error(theta, ratio), "the next term of the series, theta_B^2/20"
     return [
-        Row(
-            EXAMPLE,
-            f"slip error, r_B/r_A = {ratio:g}, phi_A = {LARGEST:g} rad",
-            "1",
-            printed,
-            float(exact.slip_error(theta)),
-            slip_error(theta, ratio),
-            ROUNDING,
-            "rounding",
-            "analytic",
-            note="eq. 61 at this angle stands in the column of the paper",
+        row(EXAMPLE, name, "1", found_here, ROUNDING, "rounding", exact=closed, paper=printed, note=note),
+        row(
+            EXAMPLE, f"order of the slip error, r_B/r_A = {ratio:g}", "1", order.value, ASYMPTOTIC**2 / 10, why,
+            exact=3.0, paper=3.0,
         ),
-        Row(
-            EXAMPLE,
-            f"order of the slip error, r_B/r_A = {ratio:g}",
-            "1",
-            3.0,
-            3.0,
-            order.value,
-            ASYMPTOTIC**2 / 10,
-            "the next term of the series, theta_B^2/20",
-            "analytic",
-        ),
-    ]
+    ]  # fmt: skip
 
 
 def _leading(phi: F64, found: F64) -> Row:
     """Factor of theta_B^3 (eq. 62), from the smallest angle of the figure."""
     theta = float(exact.contact_angle(phi[0], 1.0))
-    return Row(
-        EXAMPLE,
-        "factor of theta_B^3",
-        "1",
-        "-1/6",
-        -1 / 6,
-        float(found[0]) / theta**3,
-        theta**2 / 120 + ROUNDING / theta**3,
-        "the next term of the series, theta_B^2/120, and rounding",
-        "analytic",
-    )
+    within = theta**2 / 120 + ROUNDING / theta**3
+    why = "the next term of the series, theta_B^2/120, and rounding"
+    factor = float(found[0]) / theta**3
+    return row(EXAMPLE, "factor of theta_B^3", "1", factor, within, why, exact=-1 / 6, paper="-1/6")
 
 
 def _order(phi: F64, found: F64) -> Order:

@@ -293,24 +293,18 @@ def _figure_3b(pair: SpherePair, run: Trace) -> Figure:
 
 def _figure_4(on_grid: list[Point], between: list[Point], number: str) -> Figure:
     name, words = ("angle", "angle") if number == "4a" else ("velocity", "angular velocity")
-    curves = [
-        Curve(
-            label, np.array([p.h for p in points]), np.array([getattr(p, name) for p in points]), "points", n
-        )
-        for n, (label, points) in enumerate(
-            (("t_lim at the end of a step", on_grid), ("t_lim in the middle of a step", between))
-        )
-    ]
-    return Figure(
+    places = {"end": on_grid, "middle": between}
+    return study.convergence(
         number,
         ID,
         f"Convergence of the {words} of sphere A",
-        "h in s",
-        "error (eq. 45)",
-        tuple(curves),
+        (
+            study.errors(
+                f"t_lim {'at' if place == 'end' else 'in'} the {place} of a step", points, name, body=n
+            )
+            for n, (place, points) in enumerate(places.items())
+        ),
         "Against the closed form. The paper shows a linear rate; second order is what the scheme has without impacts.",
-        xscale="log",
-        yscale="log",
         slopes=(1.0, 2.0),
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from carom.reproduce import study
 from carom.reproduce.analytic import single_collision as exact
 from carom.reproduce.document import Curve, Figure
 from carom.reproduce.examples import s52_study as runs
@@ -107,22 +108,14 @@ def _energies(run: Trace, number: str, title: str, start: float, end: float, eve
 
 def order(points: Sequence[runs.Point]) -> Figure:
     """Figure 9: errors against the step."""
-    h = np.array([p.h for p in points])
-    return Figure(
+    return study.convergence(
         "9",
         ID,
         "Convergence with the step",
-        "h in s",
-        "error (eq. 45)",
         (
-            Curve("displacement", h, np.array([p.displacement for p in points]), "points", 0),
-            Curve(
-                "velocity, before the cue ball lands", h, np.array([p.velocity for p in points]), "points", 1
-            ),
+            study.errors("displacement", points, "displacement", body=0),
+            study.errors("velocity, before the cue ball lands", points, "velocity", body=1),
         ),
         "mu_b = 0.2, e_N = 0.94, f = 0.5, spin locked, against the impact law with the cloth and the exact motion after it."
         " The paper shows a linear rate against Appendix C, whose eq. 63 does not hold here: the slip ends within the hit.",
-        xscale="log",
-        yscale="log",
-        slopes=(1.0,),
     )

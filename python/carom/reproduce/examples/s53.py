@@ -127,17 +127,10 @@ def _spin_rows(run: Trace) -> list[Row]:
 def _law_row(shots: list[runs.Throw]) -> Row:
     """Eq. 51 as the law of friction: its coefficient in the hit of a shot that slips on."""
     shot = next(s for s in shots if (s.phi, s.roll, s.ratio) == (30, 0.5, 0.9))
-    return Row(
-        ID,
-        "friction over normal impulse, phi = 30 deg, w_x = 0.5 w_roll, R w_z/v = 0.9",
-        "1",
-        shot.shot.mu,
-        shot.shot.mu,
-        shot.friction_ratio,
-        0.108 * 1.088 * shot.shot.speed**2 * runs.H / (2 * shot.shot.radius),
-        "turn of the slip within a step times the slope of eq. 51",
-        "analytic",
-    )
+    turn = 0.108 * 1.088 * shot.shot.speed**2 * runs.H / (2 * shot.shot.radius)
+    name = "friction over normal impulse, phi = 30 deg, w_x = 0.5 w_roll, R w_z/v = 0.9"
+    why, mu = "turn of the slip within a step times the slope of eq. 51", shot.shot.mu
+    return study.row(ID, name, "1", shot.friction_ratio, turn, why, exact=mu, paper=mu)
 
 
 def _loss_row(run: Trace) -> Row:
@@ -149,26 +142,16 @@ def _loss_row(run: Trace) -> Row:
     before = shot.mass * shot.speed**2 / 2 + inertia * float(spins @ spins) / 2
     left = shot.mass * float(np.sum(after.velocity**2)) / 2 + inertia * float(np.sum(after.spin**2)) / 2
     hit = two_balls.hit_step(run)
-    return Row(
-        ID,
-        "energy lost in the hit of figure 12",
-        "J",
-        None,
-        before - left,
-        float(run.energy.total[hit - 2] - run.energy.total[hit - 1]),
-        (before - left) * shot.speed * runs.H / (2 * shot.radius),
-        "first order: turn of the line of centres within a step",
-        "analytic",
-    )
+    lost, found = before - left, float(run.energy.total[hit - 2] - run.energy.total[hit - 1])
+    within = lost * shot.speed * runs.H / (2 * shot.radius)
+    why = "first order: turn of the line of centres within a step"
+    return study.row(ID, "energy lost in the hit of figure 12", "J", found, within, why, exact=lost)
 
 
 def _order_rows(points: list[runs.Point]) -> list[Row]:
     h = [p.h for p in points]
-    return [
-        study.first_order(ID, "throw", order_of(h, [p.throw for p in points])),
-        study.first_order(ID, "displacement", order_of(h, [p.displacement for p in points])),
-        study.first_order(ID, "velocity", order_of(h, [p.velocity for p in points])),
-    ]
+    names = ("throw", "displacement", "velocity")
+    return [study.first_order(ID, name, order_of(h, [getattr(p, name) for p in points])) for name in names]
 
 
 def _figure_11(shots: list[runs.Throw], phi: int, number: str) -> Figure:
@@ -241,24 +224,15 @@ def _figure_12(run: Trace) -> list[Figure]:
 
 
 def _figure_14(points: list[runs.Point]) -> Figure:
-    h = np.array([p.h for p in points])
     names = ("displacement", "velocity", "throw")
-    curves = [
-        Curve(name, h, np.array([getattr(p, name) for p in points]), "points", n)
-        for n, name in enumerate(names)
-    ]
-    return Figure(
+    return study.convergence(
         "14",
         ID,
         "Convergence with the step",
-        "h in s",
-        "error (eq. 45; throw in rad)",
-        tuple(curves),
+        (study.errors(name, points, name, body=n) for n, name in enumerate(names)),
         "R w_z/v = -0.4, w_x = 0.5 w_roll, phi = 30 degrees, against the impact law with the table. The paper shows a linear"
         " rate.",
-        xscale="log",
-        yscale="log",
-        slopes=(1.0,),
+        ylabel="error (eq. 45; throw in rad)",
     )
 
 

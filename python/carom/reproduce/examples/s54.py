@@ -9,7 +9,7 @@ import numpy as np
 from carom.many.order import Order
 from carom.measure.events import hits, meeting
 from carom.reproduce import study
-from carom.reproduce.document import Context, Counts, Example, Row
+from carom.reproduce.document import Context, Example, Row
 from carom.reproduce.examples import s54_impact
 from carom.reproduce.examples import s54_study as order
 from carom.reproduce.examples.s54_figures import BALLS, energies, motion
@@ -60,7 +60,7 @@ def reproduce(context: Context) -> Example:
         title="Multiple impacts of three balls",
         rows=tuple(rows),
         figures=(*motion(free, rough), *energies(rough), order.figure(found, coarse, errors)),
-        counts=tuple(_counts(both)),
+        counts=study.iterations({case: scene(case) for case in CASES}, both, PAPER_COUNTS, CASES),
         texts=_texts(rough),
         options={
             "figures": {"step": H, "tolerance": default, "impact": "sequence", "spectral_radius": 0.8},
@@ -164,25 +164,6 @@ def _orders(orders: dict[str, Order]) -> list[Row]:
         *(study.first_order(ID, name, orders[name]) for name in just_after),
         # Compared with a fine run, not with an exact one, and after a dozen hits more.
         *(study.first_order(ID, name, orders[name], 0.1) for name in whole),
-    ]
-
-
-def _counts(tolerances: list[float]) -> list[Counts]:
-    """`auto` solves single contacts in closed form; `newton` iterates on all of them, as the paper does."""
-    found = [
-        study.counts(
-            f"{case}, {how}", study.counted(scene(case), tolerance=tol, solver=how), tol, PAPER_COUNTS[case]
-        )
-        for case in CASES
-        for how in ("newton", "auto")
-        for tol in tolerances
-    ]
-    tol = study.PAPER_TOLERANCE
-    return found + [
-        study.counts(
-            f"{case}, as printed", study.counted(scene(case), **study.AS_PRINTED), tol, PAPER_COUNTS[case]
-        )
-        for case in CASES
     ]
 
 

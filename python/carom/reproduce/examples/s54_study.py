@@ -114,29 +114,20 @@ def orders_of(found: list[Point], fine: Point) -> tuple[dict[str, Order], dict[s
 def figure(found: list[Point], coarse: list[Point], errors: dict[str, list[float]]) -> Figure:
     """Figure 19: errors of all quantities against the step."""
     h = np.array([p.h for p in found])
-    curves = [Curve(name, h, np.array(e), "marked") for name, e in errors.items()]
-    curves.append(
-        Curve(
-            f"v, {AFTER} s, round steps",
-            np.array([p.h for p in coarse]),
-            np.array([p.after["v"] for p in coarse]),
-            "points",
-        )
-    )
-    return Figure(
-        number="19",
-        example="5.4",
-        title="Convergence with the step, frictional case",
-        xlabel="step h in s",
-        ylabel="error (eq. 45)",
-        curves=tuple(curves),
-        xscale="log",
-        yscale="log",
-        slopes=(1.0,),
-        caption=(
+    round_h, round_e = ([p.h for p in coarse], [p.after["v"] for p in coarse])
+    return study.convergence(
+        "19",
+        "5.4",
+        "Convergence with the step, frictional case",
+        (
+            *(Curve(name, h, np.array(e), "marked") for name, e in errors.items()),
+            Curve(f"v, {AFTER} s, round steps", np.array(round_h), np.array(round_e), "points"),
+        ),
+        (
             f"At {AFTER} s, between the impact and the next hit, against the closed form; over the whole run, at common "
             "instants, against a fine run, as in the paper (which takes h = 1e-5 s and reports a linear rate). All steps of "
             "the lines have the impact in their middle. Points: round steps; their impact comes late by anything "
             "between 0 and h, and their errors scatter by as much."
         ),
+        xlabel="step h in s",
     )

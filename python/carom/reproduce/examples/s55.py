@@ -10,7 +10,7 @@ import numpy as np
 from carom.many.order import Order, error_of, order_of
 from carom.reproduce import first_order, study
 from carom.reproduce.analytic.bernoulli import Bernoulli
-from carom.reproduce.document import Context, Counts, Curve, Example, Figure, Row
+from carom.reproduce.document import Context, Curve, Example, Figure, Row
 from carom.reproduce.memory import Trace, trace
 from carom.scene.scene import Scene
 
@@ -18,6 +18,7 @@ ID = "5.5"
 row = partial(study.row, ID)
 SCENARIO = "5.5_bernoulli.toml"
 H = 1e-2  # s, the paper's
+CASE = "frictionless"
 LAWS = ("sequence", "sequence-paper")
 
 # What section 5.5 prints: velocities after the impact (below fig. 22), iterations and line searches.
@@ -59,11 +60,8 @@ def reproduce(context: Context) -> Example:
     default = study.default_tolerance(context)
     both = study.distinct(default)
     steps = QUICK if context.quick else STEPS
-    laws = {
-        law: [trace(scene("frictionless"), step=h, impact=law, tolerance=default) for h in steps]
-        for law in LAWS
-    }
-    runs = {tol: trace(scene("frictionless"), tolerance=tol) for tol in both}
+    laws = {law: [trace(scene(CASE), step=h, impact=law, tolerance=default) for h in steps] for law in LAWS}
+    runs = {tol: trace(scene(CASE), tolerance=tol) for tol in both}
     rows = [
         *_velocities(runs[default]),
         *_limits(laws["sequence"]),
@@ -80,7 +78,9 @@ def reproduce(context: Context) -> Example:
         title="Bernoulli's problem",
         rows=tuple(rows),
         figures=(*_velocity_figures(runs[default]), _convergence_figure(laws)),
-        counts=tuple(_counts(both)),
+        counts=study.iterations(
+            {"frictionless": scene(CASE)}, both, {"frictionless": PAPER_COUNTS}, ["frictionless"]
+        ),
         texts=study.paragraphs(TEXT),
         options={
             "figure 21": {"step": H, "tolerance": default, "impact": "sequence", "spectral_radius": 0.8},
@@ -91,7 +91,7 @@ def reproduce(context: Context) -> Example:
 
 
 def _velocities(run: Trace) -> list[Row]:
-    exact = exact_of("frictionless")
+    exact = exact_of(CASE)
     error = exact.first_order_error(H)
     why = f"first order: the normals turn by {exact.turn(H):.2g} rad in the step; twice what that does"
     rows = [
@@ -111,7 +111,7 @@ def _velocities(run: Trace) -> list[Row]:
 
 
 def _limits(runs: list[Trace]) -> list[Row]:
-    exact = exact_of("frictionless").velocity
+    exact = exact_of(CASE).velocity
     why = "second order in the two finest steps"
     return [
         row(
@@ -129,7 +129,7 @@ def _limits(runs: list[Trace]) -> list[Row]:
 
 def _modulus_errors(runs: list[Trace], ball: int) -> list[float]:
     """Eq. 45 for the speed of a ball from the end of the first step on: fig. 22."""
-    exact = float(np.linalg.norm(exact_of("frictionless").velocity[ball]))
+    exact = float(np.linalg.norm(exact_of(CASE).velocity[ball]))
     speeds = [np.linalg.norm(run.velocity[1:, ball], axis=1)[:, np.newaxis] for run in runs]
     return [error_of(speed, np.full_like(speed, exact)) for speed in speeds]
 
@@ -163,7 +163,7 @@ def _gain(run: Trace) -> float:
 
 def _printed_law(runs: list[Trace]) -> list[Row]:
     """The law as printed gains energy, to first order in h."""
-    exact = exact_of("frictionless")
+    exact = exact_of(CASE)
     [paper_step] = [run for run in runs if run.h == H]
     gains = [_gain(run) for run in runs]
     expected = exact.rise_as_printed(H)
@@ -226,25 +226,8 @@ def _friction(tolerance: float) -> list[Row]:
     ]
 
 
-def _counts(tolerances: list[float]) -> list[Counts]:
-    return [
-        study.counts(
-            f"frictionless, {how}", trace(scene("frictionless"), tolerance=tol, solver=how), tol, PAPER_COUNTS
-        )
-        for how in ("newton", "auto")
-        for tol in tolerances
-    ] + [
-        study.counts(
-            "frictionless, as printed",
-            study.counted(scene("frictionless"), **study.AS_PRINTED),
-            study.PAPER_TOLERANCE,
-            PAPER_COUNTS,
-        )
-    ]
-
-
 def _velocity_figures(run: Trace) -> list[Figure]:
-    exact = exact_of("frictionless").velocity
+    exact = exact_of(CASE).velocity
     figures = []
     for number, axis, said in (
         ("21", 0, "0.6 m/s for balls 1 and 3, -0.2 m/s for ball 2"),
@@ -271,23 +254,23 @@ def _velocity_figures(run: Trace) -> list[Figure]:
 
 
 def _convergence_figure(laws: dict[str, list[Trace]]) -> Figure:
-    curves = []
-    for law, runs in laws.items():
-        h = np.array([run.h for run in runs])
-        for ball in (1, 2):
-            errors = np.array(_modulus_errors(runs, ball))
-            curves.append(Curve(f"ball {ball + 1}, {law}", h, errors, "marked"))
-    return Figure(
-        number="22",
-        example=ID,
-        title="Convergence of the speeds of balls 2 and 3",
+    curves = [
+        Curve(
+            f"ball {ball + 1}, {law}",
+            np.array([r.h for r in runs]),
+            np.array(_modulus_errors(runs, ball)),
+            "marked",
+        )
+        for law, runs in laws.items()
+        for ball in (1, 2)
+    ]
+    return study.convergence(
+        "22",
+        ID,
+        "Convergence of the speeds of balls 2 and 3",
+        curves,
+        "Against eq. 53. The paper reports a linear rate. The impact is at t = 0, so it has one place in all steps.",
         xlabel="step h in s",
-        ylabel="error (eq. 45)",
-        curves=tuple(curves),
-        xscale="log",
-        yscale="log",
-        slopes=(1.0,),
-        caption="Against eq. 53. The paper reports a linear rate. The impact is at t = 0, so it has one place in all steps.",
     )
 
 

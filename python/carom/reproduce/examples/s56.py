@@ -6,7 +6,7 @@ import math
 
 from carom import _core
 from carom.reproduce import demo, study
-from carom.reproduce.document import Context, Counts, Example
+from carom.reproduce.document import Context, Example
 from carom.reproduce.examples import s56_rows as rows
 from carom.reproduce.examples import s56_study as order
 from carom.reproduce.examples.s56_figures import cue_ball, residuals, velocities
@@ -16,8 +16,8 @@ from carom.reproduce.memory import Trace, timed, trace
 
 # What section 5.6 prints (times of the impact and of computation: carom.reproduce.demo).
 PAPER_COUNTS: dict[str, study.Printed] = {
-    FREE: {**demo.PAPER_ITERATIONS, "line_search": (sum(rows.PAPER_LINE_SEARCHES), 0)},
-    BRAKED: {},
+    NAMES[FREE]: {**demo.PAPER_ITERATIONS, "line_search": (sum(rows.PAPER_LINE_SEARCHES), 0)},
+    NAMES[BRAKED]: {},
 }
 #: Runs of which the fastest is timed; the quick form has one.
 TIMED = 3
@@ -73,7 +73,9 @@ def reproduce(context: Context) -> Example:
             residuals(history, rows.longest(free, contact.step, "velocity")),
             order.figure(found, coarse),
         ),
-        counts=tuple(_counts(both)),
+        counts=study.iterations(
+            {NAMES[case]: scene(case) for case in CASES}, both, PAPER_COUNTS, [NAMES[FREE]]
+        ),
         texts=_texts(free, braked, contact.step, other, 1 if context.quick else TIMED),
         options={
             "figures": {"step": H, "tolerance": default, "impact": "sequence", "spectral_radius": 0.8},
@@ -84,27 +86,6 @@ def reproduce(context: Context) -> Example:
         },
         scenarios=tuple(f"{case}.toml" for case in CASES),
     )
-
-
-def _counts(tolerances: list[float]) -> list[Counts]:
-    return [
-        study.counts(
-            f"{NAMES[case]}, {how}",
-            study.counted(scene(case), tolerance=tol, solver=how),
-            tol,
-            PAPER_COUNTS[case],
-        )
-        for case in CASES
-        for how in ("newton", "auto")
-        for tol in tolerances
-    ] + [
-        study.counts(
-            f"{NAMES[FREE]}, as printed",
-            study.counted(scene(FREE), **study.AS_PRINTED),
-            study.PAPER_TOLERANCE,
-            PAPER_COUNTS[FREE],
-        )
-    ]
 
 
 TEXT = """

@@ -13,7 +13,7 @@ from carom.many.order import Order, error_of, order_of
 from carom.reproduce import study
 from carom.reproduce.analytic.approach import Approach
 from carom.reproduce.analytic.break_shot import impact_of
-from carom.reproduce.document import Context, Curve, Figure
+from carom.reproduce.document import Context, Curve, Figure, Kind
 from carom.reproduce.memory import trace
 from carom.scene.scene import Scene
 
@@ -21,6 +21,8 @@ LAWS = ("sequence", "sequence-paper")
 FREE, BRAKED = CASES = ("5.6_break", "5.6_break_rolling")
 NAMES = {FREE: "no rolling resistance", BRAKED: "rolling resistance"}
 ROUND = (1e-3, 5e-4, 2e-4, 1e-4)
+LINE: Kind = "marked"
+POINTS: Kind = "points"
 KEYS = {"v": "velocity", "w": "angular_velocity"}
 
 
@@ -86,25 +88,18 @@ def _errors(found: Sequence[Point], short: str) -> tuple[F64, F64]:
 
 def figure(found: Sequence[Point], coarse: Sequence[Point]) -> Figure:
     """Errors at the impact against the step: not in the paper."""
-    curves = []
-    for law in LAWS:
-        for short in KEYS:
-            h, e = _errors(of(law, found), short)
-            curves.append(Curve(f"{short}, {law}", h, e, "marked"))
-            h, e = _errors(of(law, coarse), short)
-            curves.append(Curve(f"{short}, {law}, round steps", h, e, "points"))
-    return Figure(
-        number="order",
-        example="5.6",
-        title="Convergence of the velocities just after the impact",
+    curves = [
+        Curve(f"{short}, {law}{more}", *_errors(of(law, points), short), kind)
+        for law in LAWS
+        for short in KEYS
+        for points, more, kind in ((found, "", LINE), (coarse, ", round steps", POINTS))
+    ]
+    return study.convergence(
+        "order",
+        "5.6",
+        "Convergence of the velocities just after the impact",
+        curves,
+        "Against the sequence of impacts solved at the exact instant. Lines: steps with the impact in "
+        "their middle. Points: round steps, whose impact is late by anything between 0 and h.",
         xlabel="step h in s",
-        ylabel="error (eq. 45)",
-        curves=tuple(curves),
-        xscale="log",
-        yscale="log",
-        slopes=(1.0,),
-        caption=(
-            "Against the sequence of impacts solved at the exact instant. Lines: steps with the impact in "
-            "their middle. Points: round steps, whose impact is late by anything between 0 and h."
-        ),
     )
