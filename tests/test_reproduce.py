@@ -50,7 +50,7 @@ def fakes(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def row(**changed: Any) -> Row:
     given: dict[str, Any] = {
-        "example": "5.1", "quantity": "speed", "unit": "m/s", "paper": 1.0, "analytic": 2.0, "carom": 2.0,
+        "quantity": "speed", "unit": "m/s", "paper": 1.0, "analytic": 2.0, "carom": 2.0,
         "tolerance": 0.1, "origin": "rounding", "against": "analytic",
     }  # fmt: skip
     return Row(**(given | changed))
@@ -87,14 +87,13 @@ def test_a_row_that_cannot_be_judged_is_refused(changed: dict[str, Any], complai
         row(**changed)
 
 
-def test_what_belongs_elsewhere_or_occurs_twice_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"holds a row of 5\.2"):
-        Example("5.1", "", (row(example="5.2"),))
+def test_an_example_names_its_rows_and_what_occurs_twice_is_refused() -> None:
+    assert [part.example for part in Example("5.1", "", (row(), row(quantity="time"))).rows] == ["5.1"] * 2
     with pytest.raises(ValueError, match="'speed' occurs twice"):
         Example("5.1", "", (row(), row()))
     x = np.array([0.0, 1.0])
     with pytest.raises(ValueError, match="positive on a logarithmic axis"):
-        Figure("1", "5.1", "", "x", "y", (Curve("c", x, x),), "", xscale="log")
+        Figure("1", "", "x", "y", (Curve("c", x, x),), "", xscale="log")
     with pytest.raises(ValueError, match="2 values of x, 1 of y"):
         Curve("c", x, x[:1])
     with pytest.raises(ValueError, match="finite numbers"):
@@ -120,9 +119,7 @@ def test_lines_that_coincide_and_closed_forms_on_top_are_both_seen() -> None:
     )
     for curves, dashed, pale in (((left, right), [False, True], [False] * 2), ((left, exact), [False, True], [False] * 2),
                                  ((left, right, exact), [False, False, True], [False, True, False])):  # fmt: skip
-        looks = [
-            _look(c, "#0072B2", k, Figure("1", "5.1", "", "x", "y", curves, "")) for k, c in enumerate(curves)
-        ]
+        looks = [_look(c, "#0072B2", k, Figure("1", "", "x", "y", curves, "")) for k, c in enumerate(curves)]
         assert [look.get("linestyle", "-") != "-" for look in looks] == dashed
         assert ["alpha" in look for look in looks] == pale
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -43,7 +43,6 @@ class Row:
     wrong, and why; `erratum` is the key of that error in `errata.ERRATA`, which other rows may show as well.
     """
 
-    example: str
     quantity: str
     unit: str
     paper: float | str | None
@@ -55,10 +54,12 @@ class Row:
     note: str = ""
     paper_in_error: bool = False
     erratum: str = ""
+    example: str = ""
+    """The `Example` that holds it, which sets this."""
 
     def __post_init__(self) -> None:
         """Refuse a row that cannot be judged: every verdict on the page is a comparison of two finite numbers."""
-        where = f"{self.example}, {self.quantity}"
+        where = ", ".join(filter(None, (self.example, self.quantity)))
         printed = self.paper if isinstance(self.paper, float | int) else None
         _finite(where, paper=printed, analytic=self.analytic, carom=self.carom, tolerance=self.tolerance)
         if self.tolerance < 0:
@@ -134,7 +135,6 @@ class Figure:
     """
 
     number: str
-    example: str
     title: str
     xlabel: str
     ylabel: str
@@ -145,10 +145,12 @@ class Figure:
     slopes: tuple[float, ...] = ()
     limits: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
     equal: bool = False
+    example: str = ""
+    """The `Example` that holds it, which sets this."""
 
     def __post_init__(self) -> None:
         """A logarithmic axis needs positive numbers; say so here, where the example is known."""
-        where = f"figure {self.number} of {self.example}"
+        where = f"figure {self.number}"
         if not self.curves:
             raise ValueError(f"{where} has no curve")
         for curve in self.curves:
@@ -213,11 +215,10 @@ class Example:
     wall_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Everything in it belongs to it, and no two rows or figures have one name."""
-        parts: tuple[Row | Figure, ...] = (*self.rows, *self.figures)
-        for part in parts:
-            if part.example != self.id:
-                raise ValueError(f"example {self.id} holds a {type(part).__name__.lower()} of {part.example}")
+        """Everything in it is its own, and no two rows or figures have one name."""
+        for name in ("rows", "figures"):
+            parts = tuple(replace(part, example=self.id) for part in getattr(self, name))
+            object.__setattr__(self, name, parts)
         for kind, names in (
             ("quantity", [row.quantity for row in self.rows]),
             ("figure", [figure.number for figure in self.figures]),
@@ -260,7 +261,7 @@ class Context:
 def to_json(value: Any) -> Any:
     """Plain lists, dictionaries, numbers and strings of anything above; a row has its difference and its verdict."""
     if isinstance(value, Row):
-        plain = {f.name: to_json(getattr(value, f.name)) for f in fields(value)}
+        plain = {"example": value.example, **{f.name: to_json(getattr(value, f.name)) for f in fields(value)}}
         return plain | {"difference": value.difference, "verdict": value.verdict}
     if hasattr(value, "__dataclass_fields__"):
         return {f.name: to_json(getattr(value, f.name)) for f in fields(value)}

@@ -35,7 +35,6 @@ def limits(h: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
 
 
 def rows(
-    example: str,
     quantity: str,
     unit: str,
     h: Sequence[float],
@@ -60,9 +59,8 @@ def rows(
     )
     within = SPARE * abs(slope) * h[0] + SMALLEST
     return [
-        study.row(example, quantity, unit, values[0], within, predicted, exact=exact, paper=paper, note=note),
+        study.row(quantity, unit, values[0], within, predicted, exact=exact, paper=paper, note=note),
         study.row(
-            example,
             f"{quantity}, h -> 0",
             unit,
             finest,

@@ -68,7 +68,6 @@ def counted(scene: Scene, **run: Any) -> Trace:
 
 
 def row(
-    example: str,
     quantity: str,
     unit: str,
     carom: float,
@@ -83,20 +82,7 @@ def row(
 ) -> Row:
     """A row held against the exact value where there is one, otherwise against the paper's."""
     against = against or ("paper" if exact is None else "analytic")
-    return Row(
-        example,
-        quantity,
-        unit,
-        paper,
-        exact,
-        float(carom),
-        within,
-        why,
-        against,
-        note,
-        bool(erratum),
-        erratum,
-    )
+    return Row(quantity, unit, paper, exact, float(carom), within, why, against, note, bool(erratum), erratum)
 
 
 def iterations(
@@ -132,7 +118,6 @@ def errors(
 
 def convergence(
     number: str,
-    example: str,
     title: str,
     curves: Iterable[Curve],
     caption: str,
@@ -143,7 +128,7 @@ def convergence(
 ) -> Figure:
     """Errors over the step, both logarithmic, with reference slopes."""
     logarithmic: dict[str, Any] = {"xscale": "log", "yscale": "log", "slopes": slopes}
-    return Figure(number, example, title, xlabel, ylabel, tuple(curves), caption, **logarithmic)
+    return Figure(number, title, xlabel, ylabel, tuple(curves), caption, **logarithmic)
 
 
 def paragraphs(text: str, **values: object) -> tuple[str, ...]:
@@ -155,36 +140,34 @@ def paragraphs(text: str, **values: object) -> tuple[str, ...]:
     )
 
 
-def unconverged(example: str, tolerance: float, runs: Iterable[Trace]) -> Row:
+def unconverged(tolerance: float, runs: Iterable[Trace]) -> Row:
     """No step of these runs may be left unsolved at a tolerance."""
     runs = list(runs)
     steps = sum(int(run.monitors["steps"]) for run in runs)
     left = sum(run.unconverged for run in runs)
     where = "one run" if len(runs) == 1 else f"{len(runs)} runs"
     why = f"none of {steps} steps in {where} at the paper's h"
-    return row(example, f"unconverged steps, tolerance {tolerance:g}", "1", left, 0.0, why, exact=0.0)
+    return row(f"unconverged steps, tolerance {tolerance:g}", "1", left, 0.0, why, exact=0.0)
 
 
-def energy_rise(example: str, quantity: str, runs: Iterable[Trace]) -> Row:
+def energy_rise(quantity: str, runs: Iterable[Trace]) -> Row:
     """Greatest rise of the total energy in a step of these runs, over the energy at the start."""
     worst = max(float(run.monitors["energy"]["max_rise_relative"]) for run in runs)
-    return row(example, quantity, "1", worst, ENERGY_RISE, "reliability contract: rounding", exact=0.0)
+    return row(quantity, "1", worst, ENERGY_RISE, "reliability contract: rounding", exact=0.0)
 
 
-def penetration(example: str, runs: Iterable[Trace]) -> Row:
+def penetration(runs: Iterable[Trace]) -> Row:
     """Deepest overlap after a step, in radii; the paper: none."""
     worst = max(0.0, *(float(run.monitors["penetration_max_relative"]) for run in runs))
     why = "gap tolerance of the position level, 1e-10 r"
-    return row(
-        example, "deepest penetration after a step", "radii", worst, 1e-10, why, exact=0.0, paper="none"
-    )
+    return row("deepest penetration after a step", "radii", worst, 1e-10, why, exact=0.0, paper="none")
 
 
-def first_order(example: str, quantity: str, order: Order, within: float = 0.05) -> Row:
+def first_order(quantity: str, order: Order, within: float = 0.05) -> Row:
     """An observed order beside the paper's "linear"; the note has the slopes between neighbouring steps."""
     name, why = f"order of convergence, {quantity}", "slope of a fit to a first-order error"
     note = f"between neighbouring steps {', '.join(f'{pair:.2f}' for pair in order.pairwise)}"
-    return row(example, name, "1", order.value, within, why, exact=1.0, paper="linear", note=note)
+    return row(name, "1", order.value, within, why, exact=1.0, paper="linear", note=note)
 
 
 def limit(steps: Sequence[float], values: Sequence[float]) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from carom.reproduce.analytic.approach import Approach
 from carom.reproduce.analytic.generalized_alpha import GeneralizedAlpha, radius_of, scaled
 from carom.reproduce.document import Context, Curve, Example, Figure, NotConverged, Row
 from carom.reproduce.memory import trace
+from carom.reproduce.study import row
 from carom.result.record import Memory
 from carom.run.loop import advance, begin, drive
 from carom.run.sinks import Recorder
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 
 ID = "A"
-row = partial(study.row, ID)
 OSCILLATOR, THROWN, BALLS = "A_oscillator.toml", "A_thrown.toml", "5.4_three_balls.toml"
 RADII = (0.0, 0.5, 0.8, 0.99)
 #: Values of h omega from which the spectral radius at infinity is read.
@@ -274,7 +273,6 @@ def _radius_figure(quick: bool) -> Figure:
         curves.append(Curve(f"core, {rho:g}", coarse, core, "points", body=i))
     return Figure(
         number="radius",
-        example=ID,
         title="Spectral radius of a step",
         xlabel="h omega",
         ylabel="spectral radius",
@@ -289,7 +287,7 @@ def _order_figure(steps: tuple[float, ...], displacement: list[float], velocity:
     curves = (Curve("displacement", h, np.array(displacement)), Curve("velocity", h, np.array(velocity)))
     caption = "A period of the oscillator of 1 s, rho_inf = 0.8."
     title, label = "Convergence in smooth motion", "step h in s"
-    return study.convergence("order", ID, title, curves, caption, slopes=(2.0,), xlabel=label)
+    return study.convergence("order", title, curves, caption, slopes=(2.0,), xlabel=label)
 
 
 TEXT = """

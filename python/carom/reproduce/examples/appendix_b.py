@@ -77,11 +77,10 @@ def _rows(ratio: float, phi: F64, found: F64) -> list[Row]:
     closed, note = float(exact.slip_error(theta)), "eq. 61 at this angle stands in the column of the paper"
     found_here, why = slip_error(theta, ratio), "the next term of the series, theta_B^2/20"
     return [
-        row(EXAMPLE, name, "1", found_here, ROUNDING, "rounding", exact=closed, paper=printed, note=note),
+        row(name, "1", found_here, ROUNDING, "rounding", exact=closed, paper=printed, note=note),
         row(
-            EXAMPLE, f"order of the slip error, r_B/r_A = {ratio:g}", "1", order.value, ASYMPTOTIC**2 / 10, why,
-            exact=3.0, paper=3.0,
-        ),
+            f"order of the slip error, r_B/r_A = {ratio:g}", "1", order.value, ASYMPTOTIC**2 / 10, why,
+            exact=3.0, paper=3.0),
     ]  # fmt: skip
 
 
@@ -91,7 +90,7 @@ def _leading(phi: F64, found: F64) -> Row:
     within = theta**2 / 120 + ROUNDING / theta**3
     why = "the next term of the series, theta_B^2/120, and rounding"
     factor = float(found[0]) / theta**3
-    return row(EXAMPLE, "factor of theta_B^3", "1", factor, within, why, exact=-1 / 6, paper="-1/6")
+    return row("factor of theta_B^3", "1", factor, within, why, exact=-1 / 6, paper="-1/6")
 
 
 def _order(phi: F64, found: F64) -> Order:
@@ -109,7 +108,6 @@ def _figure_28(phi: F64, found: dict[float, F64]) -> Figure:
         ]
     return Figure(
         "28",
-        EXAMPLE,
         "Relative slip error against the rotation of sphere A",
         "phi_A in rad",
         "relative slip error",
@@ -132,7 +130,6 @@ def _figure_29(ratios: F64, found: dict[float, F64]) -> Figure:
         ]
     return Figure(
         "29",
-        EXAMPLE,
         "Relative slip error against the ratio of the radii",
         "r_B/r_A",
         "relative slip error",

@@ -38,8 +38,8 @@ def reproduce(context: Context) -> Example:
     rows += _cloth_rows(cloth)
     used = [run for _, pair in free for run in pair] + [cloth.run, cloth.fine]
     rows += [
-        study.energy_rise(ID, "greatest rise of energy in a step", used),
-        study.unconverged(ID, tolerance, used),
+        study.energy_rise("greatest rise of energy in a step", used),
+        study.unconverged(tolerance, used),
     ]
     return Example(
         ID,
@@ -81,10 +81,9 @@ def _hit_rows(hit: Hit, pair: Sequence[Trace]) -> list[Row]:
             found = [float(getattr(run, key)[two_balls.hit_step(run), 0, axis]) for run in pair]
             rows.append(
                 two_balls.extrapolated(
-                    ID, f"eq. 63, {name}_{letter} after the hit, mu_b = {hit.friction:g}", unit, float(printed[axis]),
+                    f"eq. 63, {name}_{letter} after the hit, mu_b = {hit.friction:g}", unit, float(printed[axis]),
                     float(closed[axis]), found[0], found[1], STICKS.format(bound=bound),
-                    "eq. 63",
-                )
+                    "eq. 63")
             )  # fmt: skip
     return rows
 
@@ -95,16 +94,14 @@ def _cloth_rows(path: runs.Path) -> list[Row]:
     slips = [runs.slip_of(run)[path.start(run)] for run in (path.run, path.fine)]
     rows = [
         two_balls.extrapolated(
-            ID, f"eq. 64, v_c{letter} after the hit", "m/s", float(roll.printed_slip[axis]), float(roll.slip[axis]),
-            float(slips[0][axis]), float(slips[1][axis]), SIGN, "eq. 64",
-        )
+            f"eq. 64, v_c{letter} after the hit", "m/s", float(roll.printed_slip[axis]), float(roll.slip[axis]),
+            float(slips[0][axis]), float(slips[1][axis]), SIGN, "eq. 64")
         for axis, letter in enumerate("xy")
     ]  # fmt: skip
     rows.append(
         two_balls.extrapolated(
-            ID, "eq. 65, t_roll", "s", roll.printed_t_roll, roll.t_roll, path.sliding_time(path.run),
-            path.sliding_time(path.fine), SIGN, "eq. 64",
-        )
+            "eq. 65, t_roll", "s", roll.printed_t_roll, roll.t_roll, path.sliding_time(path.run),
+            path.sliding_time(path.fine), SIGN, "eq. 64")
     )  # fmt: skip
     t, places = roll.t_roll, []
     for run in (path.run, path.fine):
@@ -113,13 +110,11 @@ def _cloth_rows(path: runs.Path) -> list[Row]:
     for axis, letter in enumerate("xy"):
         rows += [
             two_balls.extrapolated(
-                ID, f"eq. 66, v_f{letter}", "m/s", float(roll.final_velocity[axis]), float(roll.final_velocity[axis]),
-                float(path.run.velocity[-1, 0, axis]), float(path.fine.velocity[-1, 0, axis]), "",
-            ),
+                f"eq. 66, v_f{letter}", "m/s", float(roll.final_velocity[axis]), float(roll.final_velocity[axis]),
+                float(path.run.velocity[-1, 0, axis]), float(path.fine.velocity[-1, 0, axis]), ""),
             two_balls.extrapolated(
-                ID, f"eq. 67, {letter}_c at t = {t:.4f} s", "m", float(roll.printed_position(t)[axis]),
+                f"eq. 67, {letter}_c at t = {t:.4f} s", "m", float(roll.printed_position(t)[axis]),
                 float(roll.position(t)[axis]), places[0][axis], places[1][axis], f"with the slip of eq. 64; {SIGN}",
-                "eq. 64",
-            ),
+                "eq. 64"),
         ]  # fmt: skip
     return rows

@@ -61,8 +61,8 @@ def reproduce(context: Context) -> Example:
         *_place_rows(run),
         *_energy_rows(pair, run),
         *_order_rows(on_grid, between),
-        study.unconverged(ID, study.PAPER_TOLERANCE, [loose]),
-        study.unconverged(ID, tolerance, [run]),
+        study.unconverged(study.PAPER_TOLERANCE, [loose]),
+        study.unconverged(tolerance, [run]),
     ]
     return Example(
         ID,
@@ -139,17 +139,14 @@ def _force_rows(pair: SpherePair, force: F64) -> list[Row]:
     bound = 1e-8 * pair.normal_force
     return [
         Row(
-            ID, "normal force f_N, the step farthest from the exact one", "N", PAPER_NORMAL, pair.normal_force,
-            worst, bound, "tolerance of the solver", "analytic",
-        ),
+            "normal force f_N, the step farthest from the exact one", "N", PAPER_NORMAL, pair.normal_force,
+            worst, bound, "tolerance of the solver", "analytic"),
         Row(
-            ID, "greatest friction force f_T", "N", PAPER_FRICTION, pair.greatest_friction_force,
-            float(friction.max()), bound, "tolerance of the solver", "analytic",
-        ),
+            "greatest friction force f_T", "N", PAPER_FRICTION, pair.greatest_friction_force,
+            float(friction.max()), bound, "tolerance of the solver", "analytic"),
         Row(
-            ID, "end of sticking t_lim", "s", PAPER_T_LIM, pair.t_lim, float(found), H,
-            "one step", "analytic", "where the growing friction force would pass its plateau",
-        ),
+            "end of sticking t_lim", "s", PAPER_T_LIM, pair.t_lim, float(found), H,
+            "one step", "analytic", "where the growing friction force would pass its plateau"),
     ]  # fmt: skip
 
 
@@ -183,9 +180,8 @@ def _angle_rows(pair: SpherePair, run: Trace) -> list[Row]:
         found = run[body].angular_velocity[-1, 1] if unit == "rad/s" else angle(run, body)[-1]
         rows.append(
             Row(
-                ID, quantity, unit, float(printed(end)), float(exact(end)), float(found), tolerance, origin,
-                "analytic", note, paper_in_error=bool(note), erratum=note.split(" for")[0],
-            )
+                quantity, unit, float(printed(end)), float(exact(end)), float(found), tolerance, origin,
+                "analytic", note, paper_in_error=bool(note), erratum=note.split(" for")[0])
         )  # fmt: skip
     return rows
 
@@ -197,14 +193,12 @@ def _place_rows(run: Trace) -> list[Row]:
     sideways = float(np.abs(run["A"].position[:, :2]).max())
     return [
         Row(
-            ID, "greatest displacement of the centre of B", "m", None, 0.0, moved, radius, "gap tolerance, 1e-10 r",
-            "analytic",
-        ),
+            "greatest displacement of the centre of B", "m", None, 0.0, moved, radius, "gap tolerance, 1e-10 r",
+            "analytic"),
         Row(
-            ID, "greatest sideways displacement of A", "m", None, 0.0, sideways, radius,
-            "gap tolerance, 1e-10 r", "analytic",
-        ),
-        study.penetration(ID, [run]),
+            "greatest sideways displacement of A", "m", None, 0.0, sideways, radius,
+            "gap tolerance, 1e-10 r", "analytic"),
+        study.penetration([run]),
     ]  # fmt: skip
 
 
@@ -217,11 +211,10 @@ def _energy_rows(pair: SpherePair, run: Trace) -> list[Row]:
     slip = float(-pair.angle_b(end) - pair.angle_a(end))
     return [
         Row(
-            ID, "energy that friction turns into heat in 1 s", "J", None, force * slip, heat,
+            "energy that friction turns into heat in 1 s", "J", None, force * slip, heat,
             2 * force * pair.rate / pair.inertia * H**2, "second order: friction moment times the bounds of the angles",
-            "analytic",
-        ),
-        study.energy_rise(ID, "greatest rise of energy in a step, work of the torque taken off", [run]),
+            "analytic"),
+        study.energy_rise("greatest rise of energy in a step, work of the torque taken off", [run]),
     ]  # fmt: skip
 
 
@@ -239,12 +232,11 @@ def _order_rows(on_grid: list[Point], between: list[Point]) -> list[Row]:
         )
         rows.append(
             Row(
-                ID, f"order of convergence, {name}", "1", "linear", 2.0, order.value, 0.1,
+                f"order of convergence, {name}", "1", "linear", 2.0, order.value, 0.1,
                 "slope of a fit, second order", "analytic",
                 "the paper reports a linear rate; forces are continuous here, nothing impacts, and the scheme keeps its"
                 f" second order. With t_lim in the middle of a step: {other.value:.2f}",
-                paper_in_error=True, erratum="order",
-            )
+                paper_in_error=True, erratum="order")
         )  # fmt: skip
     return rows
 
@@ -256,7 +248,6 @@ def _figure_3a(pair: SpherePair, force: F64) -> Figure:
     time, normal, friction = force[::5].T
     return Figure(
         "3a",
-        ID,
         "Contact forces",
         "time in s",
         "force in N",
@@ -281,7 +272,6 @@ def _figure_3b(pair: SpherePair, run: Trace) -> Figure:
         ]
     return Figure(
         "3b",
-        ID,
         "Angular velocities",
         "time in s",
         "angular velocity in rad/s",
@@ -296,7 +286,6 @@ def _figure_4(on_grid: list[Point], between: list[Point], number: str) -> Figure
     places = {"end": on_grid, "middle": between}
     return study.convergence(
         number,
-        ID,
         f"Convergence of the {words} of sphere A",
         (
             study.errors(

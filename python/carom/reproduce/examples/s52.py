@@ -55,12 +55,12 @@ def reproduce(context: Context) -> Example:
         *(row for path in paths for row in _path_rows(path)),
         *_energy_rows(energy),
         *_order_rows(points),
-        *two_balls.newton_rows(ID, energy.run),
+        *two_balls.newton_rows(energy.run),
         *_rise_rows(rises, paths[0].cloth, rule[0.5].h),
-        study.energy_rise(ID, "greatest rise of energy in a step, default law", every),
-        study.penetration(ID, every),
-        study.unconverged(ID, study.PAPER_TOLERANCE, loose),
-        study.unconverged(ID, tolerance, every),
+        study.energy_rise("greatest rise of energy in a step, default law", every),
+        study.penetration(every),
+        study.unconverged(study.PAPER_TOLERANCE, loose),
+        study.unconverged(tolerance, every),
     ]
     return Example(
         ID,
@@ -71,7 +71,7 @@ def reproduce(context: Context) -> Example:
             figures.paths(paths, "6a", locked=True),
             figures.paths(paths, "6b", locked=False),
             *figures.energies(energy),
-            two_balls.residuals(ID, "8", energy.run, RESIDUALS),
+            two_balls.residuals("8", energy.run, RESIDUALS),
             figures.order(points),
         ),
         counts=(
@@ -107,20 +107,18 @@ def reproduce(context: Context) -> Example:
 def _deflection_row(fraction: float, run: Trace) -> Row:
     closed = math.degrees(float(exact.deflection(exact.cut_angle(fraction))))
     return Row(
-        ID, f"deflection of the cue ball, f = {fraction:g}", "deg", closed, closed, runs.deflection_of(run), DEFLECTION,
+        f"deflection of the cue ball, f = {fraction:g}", "deg", closed, closed, runs.deflection_of(run), DEFLECTION,
         "required; the line of centres turns by up to v h/(4 r) = 0.09 deg in half a step", "analytic",
-        "eq. 48 stands in the column of the paper, which shows it in a figure" if fraction == 0 else "",
-    )  # fmt: skip
+        "eq. 48 stands in the column of the paper, which shows it in a figure" if fraction == 0 else "")  # fmt: skip
 
 
 def _cut_row(fraction: float, run: Trace, printed: float) -> Row:
     """The cut angle that the paper names beside a hit fraction: between the line of centres and the shot, along +y."""
     normal = -hits(run, "cue", "object")["normal"][0]
     return Row(
-        ID, f"cut angle, f = {fraction:g}", "deg", printed, math.degrees(float(exact.cut_angle(fraction))),
+        f"cut angle, f = {fraction:g}", "deg", printed, math.degrees(float(exact.cut_angle(fraction))),
         math.degrees(math.atan2(math.hypot(normal[0], normal[2]), normal[1])), 0.5 + DEFLECTION,
-        "the paper prints whole degrees; the line of centres turns within the step as above", "paper",
-    )  # fmt: skip
+        "the paper prints whole degrees; the line of centres turns within the step as above", "paper")  # fmt: skip
 
 
 def _hit_rows(path: runs.Path) -> list[Row]:
@@ -131,9 +129,8 @@ def _hit_rows(path: runs.Path) -> list[Row]:
         found = [float(run.velocity[path.start(run), 0, axis]) for run in (path.run, path.fine)]
         rows.append(
             two_balls.extrapolated(
-                ID, f"v_{name} of the cue ball after the hit, {path.label}", "m/s", float(path.printed.velocity[axis]),
-                float(path.law.velocity[0, axis]), found[0], found[1], note, "eq. 63",
-            )
+                f"v_{name} of the cue ball after the hit, {path.label}", "m/s", float(path.printed.velocity[axis]),
+                float(path.law.velocity[0, axis]), found[0], found[1], note, "eq. 63")
         )  # fmt: skip
     return rows
 
@@ -147,26 +144,23 @@ def _path_rows(path: runs.Path) -> list[Row]:
     for axis, name in enumerate("xy"):
         rows.append(
             two_balls.extrapolated(
-                ID, f"v_{name} of the rolling cue ball, {path.label}", "m/s", float(path.printed.final_velocity[axis]),
+                f"v_{name} of the rolling cue ball, {path.label}", "m/s", float(path.printed.final_velocity[axis]),
                 float(end.final_velocity[axis]), float(path.run.velocity[-1, 0, axis]),
                 float(path.fine.velocity[-1, 0, axis]), "eq. 66 is right, but not the velocities of eq. 63 that go into it",
-                "eq. 63",
-            )
+                "eq. 63")
         )  # fmt: skip
     if path.hit.friction == 0:
         rows.append(
             two_balls.extrapolated(
-                ID, f"time from the hit to rolling, {path.label}", "s", path.printed.printed_t_roll, end.t_roll,
+                f"time from the hit to rolling, {path.label}", "s", path.printed.printed_t_roll, end.t_roll,
                 path.sliding_time(path.run), path.sliding_time(path.fine),
                 "eq. 64 has v_y - R w_x where v_y + R w_x is right: as printed, a rolling ball would slip at 2 v",
-                "eq. 64",
-            )
+                "eq. 64")
         )  # fmt: skip
     rows.append(
         two_balls.extrapolated(
-            ID, f"greatest distance from the exact path, {path.label}", "m", None, 0.0,
-            path.farthest(path.run), path.farthest(path.fine), "",
-        )
+            f"greatest distance from the exact path, {path.label}", "m", None, 0.0,
+            path.farthest(path.run), path.farthest(path.fine), "")
     )  # fmt: skip
     return rows
 
@@ -188,20 +182,19 @@ def _energy_rows(path: runs.Path) -> list[Row]:
     height = float(law.velocity[0, 2]) ** 2 / (2 * path.cloth.gravity)
     return [
         two_balls.extrapolated(
-            ID, "energy lost in the hit of figure 7", "J", None, before - after, lost(path.run), lost(path.fine), ""
+            "energy lost in the hit of figure 7", "J", None, before - after, lost(path.run), lost(path.fine), ""
         ),
         two_balls.extrapolated(
-            ID, "height of the cue ball's jump, figure 7", "m", "separates from ground", height,
-            jump(path.run), jump(path.fine), "",
-        ),
+            "height of the cue ball's jump, figure 7", "m", "separates from ground", height,
+            jump(path.run), jump(path.fine), ""),
     ]  # fmt: skip
 
 
 def _order_rows(points: Sequence[runs.Point]) -> list[Row]:
     h = [p.h for p in points]
     return [
-        study.first_order(ID, "displacement of the cue ball", order_of(h, [p.displacement for p in points])),
-        study.first_order(ID, "velocity of the cue ball", order_of(h, [p.velocity for p in points])),
+        study.first_order("displacement of the cue ball", order_of(h, [p.displacement for p in points])),
+        study.first_order("velocity of the cue ball", order_of(h, [p.velocity for p in points])),
     ]
 
 
@@ -213,13 +206,12 @@ def _rise_rows(rises: Sequence[runs.Rise], cloth: runs.Cloth, h: float) -> list[
     order = order_of([r.h for r in rises], [r.printed for r in rises])
     return [
         Row(
-            ID, "rise of energy in the hit, impact = \"sequence-paper\", f = 0.5", "J", "none", closed, here.printed,
+            "rise of energy in the hit, impact = \"sequence-paper\", f = 0.5", "J", "none", closed, here.printed,
             closed * hit.speed * h / hit.radius, "next order: v h/r of it", "analytic",
             "eqs. 16, 24 and 43 as printed reverse the approach along the line of centres of t_n but along that of t_{n+1}:"
             " energy of first order in h. The default law takes one line for both and makes none.", paper_in_error=True,
-            erratum="energy",
-        ),
-        study.first_order(ID, "rise of energy, impact = \"sequence-paper\"", order),
+            erratum="energy"),
+        study.first_order("rise of energy, impact = \"sequence-paper\"", order),
     ]  # fmt: skip
 
 

@@ -23,7 +23,6 @@ def rule(found: Mapping[float, Trace]) -> Figure:
     points = np.array([[fraction, runs.deflection_of(run)] for fraction, run in found.items()])
     return Figure(
         "5b",
-        ID,
         "Deflection of the cue ball",
         "hit fraction f",
         "deflection in deg",
@@ -51,7 +50,6 @@ def paths(found: Sequence[runs.Path], number: str, *, locked: bool) -> Figure:
         ]
     return Figure(
         number,
-        ID,
         f"Path of the cue ball after the hit, spin {'locked' if locked else 'free'}",
         "x in m",
         "y in m",
@@ -97,7 +95,6 @@ def _energies(run: Trace, number: str, title: str, start: float, end: float, eve
         curves = [curves[1]]
     return Figure(
         number,
-        ID,
         title,
         "time in s",
         "energy in J",
@@ -110,7 +107,6 @@ def order(points: Sequence[runs.Point]) -> Figure:
     """Figure 9: errors against the step."""
     return study.convergence(
         "9",
-        ID,
         "Convergence with the step",
         (
             study.errors("displacement", points, "displacement", body=0),

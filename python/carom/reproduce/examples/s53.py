@@ -52,11 +52,11 @@ def reproduce(context: Context) -> Example:
         _law_row(shots),
         _loss_row(energy),
         *_order_rows(points),
-        *two_balls.newton_rows(ID, energy),
-        study.energy_rise(ID, "greatest rise of energy in a step, 28 shots", every),
-        study.penetration(ID, every),
-        study.unconverged(ID, study.PAPER_TOLERANCE, loose),
-        study.unconverged(ID, tolerance, every),
+        *two_balls.newton_rows(energy),
+        study.energy_rise("greatest rise of energy in a step, 28 shots", every),
+        study.penetration(every),
+        study.unconverged(study.PAPER_TOLERANCE, loose),
+        study.unconverged(tolerance, every),
     ]
     return Example(
         ID,
@@ -66,9 +66,7 @@ def reproduce(context: Context) -> Example:
             _figure_11(shots, 30, "11a"),
             _figure_11(shots, 0, "11b"),
             *_figure_12(energy),
-            two_balls.residuals(
-                ID, "13", energy, "The paper shows quadratic convergence of both sub-problems."
-            ),
+            two_balls.residuals("13", energy, "The paper shows quadratic convergence of both sub-problems."),
             _figure_14(points),
         ),
         counts=(
@@ -97,7 +95,6 @@ def reproduce(context: Context) -> Example:
 def _throw_row(shot: runs.Throw) -> Row:
     """Throw of one shot, held against eq. 50 or, where the table takes part, against the impact law."""
     return two_balls.extrapolated(
-        ID,
         f"throw, phi = {shot.phi} deg, w_x = {shot.roll:g} w_roll, R w_z/v = {shot.ratio:g}",
         "deg",
         math.degrees(exact.free_throw(shot.shot)),
@@ -116,7 +113,7 @@ def _spin_rows(run: Trace) -> list[Row]:
     spin = float(run["cue"].angular_velocity[two_balls.hit_step(run) - 1, 1])
     roll = shot.speed / shot.radius
     return [
-        study.row(ID, name, "rad/s", carom, last, why, exact=closed, paper=printed, against="paper")
+        study.row(name, "rad/s", carom, last, why, exact=closed, paper=printed, against="paper")
         for name, carom, closed, printed, last, why in (
             ("w_roll = v/R", 2 * spin, roll, *PAPER_ROLL, "the paper prints 3 decimals"),
             ("w_xCB = 0.5 w_roll of figure 12", spin, roll / 2, *PAPER_HALF, "the paper prints 2 decimals"),
@@ -130,7 +127,7 @@ def _law_row(shots: list[runs.Throw]) -> Row:
     turn = 0.108 * 1.088 * shot.shot.speed**2 * runs.H / (2 * shot.shot.radius)
     name = "friction over normal impulse, phi = 30 deg, w_x = 0.5 w_roll, R w_z/v = 0.9"
     why, mu = "turn of the slip within a step times the slope of eq. 51", shot.shot.mu
-    return study.row(ID, name, "1", shot.friction_ratio, turn, why, exact=mu, paper=mu)
+    return study.row(name, "1", shot.friction_ratio, turn, why, exact=mu, paper=mu)
 
 
 def _loss_row(run: Trace) -> Row:
@@ -145,13 +142,13 @@ def _loss_row(run: Trace) -> Row:
     lost, found = before - left, float(run.energy.total[hit - 2] - run.energy.total[hit - 1])
     within = lost * shot.speed * runs.H / (2 * shot.radius)
     why = "first order: turn of the line of centres within a step"
-    return study.row(ID, "energy lost in the hit of figure 12", "J", found, within, why, exact=lost)
+    return study.row("energy lost in the hit of figure 12", "J", found, within, why, exact=lost)
 
 
 def _order_rows(points: list[runs.Point]) -> list[Row]:
     h = [p.h for p in points]
     names = ("throw", "displacement", "velocity")
-    return [study.first_order(ID, name, order_of(h, [getattr(p, name) for p in points])) for name in names]
+    return [study.first_order(name, order_of(h, [getattr(p, name) for p in points])) for name in names]
 
 
 def _figure_11(shots: list[runs.Throw], phi: int, number: str) -> Figure:
@@ -178,7 +175,6 @@ def _figure_11(shots: list[runs.Throw], phi: int, number: str) -> Figure:
         curves.append(Curve(f"{label}, Carom", np.array([s.ratio for s in mine]), found, "points", body))
     return Figure(
         number,
-        ID,
         f"Throw against spin, cut angle {phi} degrees",
         "R w_z/v",
         "throw in deg",
@@ -203,7 +199,6 @@ def _figure_12(run: Trace) -> list[Figure]:
     return [
         Figure(
             "12",
-            ID,
             "Energies in time",
             "time in s",
             "energy in J",
@@ -213,7 +208,6 @@ def _figure_12(run: Trace) -> list[Figure]:
         ),
         Figure(
             "12-height",
-            ID,
             "Energy of height after the hit",
             "time in s",
             "energy in mJ",
@@ -227,7 +221,6 @@ def _figure_14(points: list[runs.Point]) -> Figure:
     names = ("displacement", "velocity", "throw")
     return study.convergence(
         "14",
-        ID,
         "Convergence with the step",
         (study.errors(name, points, name, body=n) for n, name in enumerate(names)),
         "R w_z/v = -0.4, w_x = 0.5 w_roll, phi = 30 degrees, against the impact law with the table. The paper shows a linear"

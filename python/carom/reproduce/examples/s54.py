@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from carom.many.order import Order
@@ -15,9 +13,9 @@ from carom.reproduce.examples import s54_study as order
 from carom.reproduce.examples.s54_figures import BALLS, energies, motion
 from carom.reproduce.examples.s54_study import AFTER, LATE, SCENARIO, hit_of, scene
 from carom.reproduce.memory import Trace, trace
+from carom.reproduce.study import row
 
 ID = "5.4"
-row = partial(study.row, ID)
 CASES = ("frictionless", "frictional")
 H = 1e-3  # s, the paper's
 
@@ -51,9 +49,9 @@ def reproduce(context: Context) -> Example:
         *s54_impact.rows(),
         *_end(rough),
         *_orders(orders),
-        *(study.unconverged(ID, tol, [runs[case, tol] for case in CASES]) for tol in both),
-        study.energy_rise(ID, "greatest rise of energy in a step", [free, rough]),
-        study.penetration(ID, runs.values()),
+        *(study.unconverged(tol, [runs[case, tol] for case in CASES]) for tol in both),
+        study.energy_rise("greatest rise of energy in a step", [free, rough]),
+        study.penetration(runs.values()),
     ]
     return Example(
         id=ID,
@@ -161,9 +159,9 @@ def _event(name: str, printed: float, exact: float, carom: float, note: str = ""
 def _orders(orders: dict[str, Order]) -> list[Row]:
     just_after, whole = (f"v, {AFTER} s", f"w, {AFTER} s"), (f"x, 0 to {LATE} s", f"v, {LATE} s")
     return [
-        *(study.first_order(ID, name, orders[name]) for name in just_after),
+        *(study.first_order(name, orders[name]) for name in just_after),
         # Compared with a fine run, not with an exact one, and after a dozen hits more.
-        *(study.first_order(ID, name, orders[name], 0.1) for name in whole),
+        *(study.first_order(name, orders[name], 0.1) for name in whole),
     ]
 
 

@@ -106,7 +106,6 @@ def energies(run: Trace) -> list[Figure]:
         ),
         Figure(
             "18c",
-            "5.4",
             "Kinetic energy of all balls",
             "time in s",
             "energy in J",
@@ -121,4 +120,4 @@ def _figure(
 ) -> Figure:
     """A quantity (T, 3) against time, a curve for each ball."""
     curves = tuple(Curve(f"ball {i + 1}", run.time, values[:, i], body=i) for i in range(3))
-    return Figure(number, "5.4", title, "time in s", label, curves, caption, limits=limits)
+    return Figure(number, title, "time in s", label, curves, caption, limits=limits)

@@ -118,7 +118,6 @@ def rows() -> list[Row]:
         row
         for k, (name, unit, exact, paper) in enumerate(table)
         for row in first_order.rows(
-            ID,
             name,
             unit,
             h,
@@ -129,7 +128,7 @@ def rows() -> list[Row]:
             scatter=late if name == RISE_1 else (0.0, ""),
         )
     ]
-    end = first_order.rows(ID, "speed of ball 3 at the end", "m/s", h[:HALVINGS_LONG], ends, hit.rolling_3)
+    end = first_order.rows("speed of ball 3 at the end", "m/s", h[:HALVINGS_LONG], ends, hit.rolling_3)
     return [*found_rows, *end]
 
 

@@ -117,7 +117,6 @@ def figure(found: list[Point], coarse: list[Point], errors: dict[str, list[float
     round_h, round_e = ([p.h for p in coarse], [p.after["v"] for p in coarse])
     return study.convergence(
         "19",
-        "5.4",
         "Convergence with the step, frictional case",
         (
             *(Curve(name, h, np.array(e), "marked") for name, e in errors.items()),

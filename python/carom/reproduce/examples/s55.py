@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
@@ -12,10 +11,10 @@ from carom.reproduce import first_order, study
 from carom.reproduce.analytic.bernoulli import Bernoulli
 from carom.reproduce.document import Context, Curve, Example, Figure, Row
 from carom.reproduce.memory import Trace, trace
+from carom.reproduce.study import row
 from carom.scene.scene import Scene
 
 ID = "5.5"
-row = partial(study.row, ID)
 SCENARIO = "5.5_bernoulli.toml"
 H = 1e-2  # s, the paper's
 CASE = "frictionless"
@@ -67,11 +66,11 @@ def reproduce(context: Context) -> Example:
         *_limits(laws["sequence"]),
         *(_orders(laws)),
         *_wide(default),
-        study.energy_rise(ID, "greatest rise of energy in a step", [runs[default]]),
+        study.energy_rise("greatest rise of energy in a step", [runs[default]]),
         *_printed_law(laws["sequence-paper"]),
         *_friction(default),
-        *(study.unconverged(ID, tol, [runs[tol]]) for tol in both),
-        study.penetration(ID, runs.values()),
+        *(study.unconverged(tol, [runs[tol]]) for tol in both),
+        study.penetration(runs.values()),
     ]
     return Example(
         id=ID,
@@ -140,7 +139,7 @@ def _order(runs: list[Trace], ball: int) -> Order:
 
 def _orders(laws: dict[str, list[Trace]]) -> list[Row]:
     return [
-        study.first_order(ID, f"speed of ball {ball + 1}, {law}", _order(runs, ball))
+        study.first_order(f"speed of ball {ball + 1}, {law}", _order(runs, ball))
         for law, runs in laws.items()
         for ball in (1, 2)
     ]
@@ -205,7 +204,6 @@ def _friction(tolerance: float) -> list[Row]:
     printed = "with mu = 0.06 between balls"
     return [
         *first_order.rows(
-            ID,
             f"sequence-paper {printed}: gain of energy",
             "1",
             h,
@@ -242,7 +240,6 @@ def _velocity_figures(run: Trace) -> list[Figure]:
         figures.append(
             Figure(
                 number=number,
-                example=ID,
                 title=f"Velocity of the balls, {name}",
                 xlabel="time in s",
                 ylabel=f"{name} in m/s",
@@ -266,7 +263,6 @@ def _convergence_figure(laws: dict[str, list[Trace]]) -> Figure:
     ]
     return study.convergence(
         "22",
-        ID,
         "Convergence of the speeds of balls 2 and 3",
         curves,
         "Against eq. 53. The paper reports a linear rate. The impact is at t = 0, so it has one place in all steps.",

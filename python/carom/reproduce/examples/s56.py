@@ -52,14 +52,14 @@ def reproduce(context: Context) -> Example:
         *rows.after(),
         *rows.cue_ball(free, contact.step),
         rows.at_the_end(free),
-        *(study.first_order(ID, f"{short} after the impact, {law}", o) for (law, short), o in orders.items()),
+        *(study.first_order(f"{short} after the impact, {law}", o) for (law, short), o in orders.items()),
         rows.newton(history),
         *rows.line_searches(free, contact.step),
         *rows.until_contact(braked, BRAKED),
         *rows.rest(braked),
-        *(study.unconverged(ID, tol, [runs[case, tol] for case in CASES]) for tol in both),
-        study.energy_rise(ID, "greatest rise of energy in a step", [free, braked]),
-        study.penetration(ID, runs.values()),
+        *(study.unconverged(tol, [runs[case, tol] for case in CASES]) for tol in both),
+        study.energy_rise("greatest rise of energy in a step", [free, braked]),
+        study.penetration(runs.values()),
         rows.mirror(free),
     ]
     coarse = order.round_points(context)

@@ -35,7 +35,6 @@ def velocities(free: Trace, braked: Trace) -> list[Figure]:
     return [
         Figure(
             number,
-            ID,
             title,
             "time in s",
             "v_x in m/s",
@@ -82,7 +81,7 @@ def _pair(
         Curve(f"ball 2{name}", run.time, values, "line" if own else "dashed", body=0 if own else None)
         for run, values, name, own in curves
     )
-    return Figure(number, ID, title, "time in s", label, drawn, caption, limits=limits)
+    return Figure(number, title, "time in s", label, drawn, caption, limits=limits)
 
 
 def residuals(position: F64, velocity: F64) -> Figure:
@@ -93,7 +92,6 @@ def residuals(position: F64, velocity: F64) -> Figure:
         curves.append(Curve(name, np.arange(len(kept), dtype=np.float64), kept))
     return Figure(
         "26",
-        ID,
         "Residuals in the step of the break",
         "iteration",
         "relative residual (eq. 44)",

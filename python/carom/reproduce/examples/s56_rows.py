@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 
@@ -16,9 +15,9 @@ from carom.reproduce.document import Row
 from carom.reproduce.examples.s56_figures import BALLS
 from carom.reproduce.examples.s56_study import BRAKED, FREE, NAMES, scene
 from carom.reproduce.memory import Trace, trace
+from carom.reproduce.study import row
 
 ID = "5.6"
-row = partial(study.row, ID)
 H = 1e-3  # s, the paper's
 PAPER_LINE_SEARCHES = (
     9,
@@ -94,10 +93,10 @@ def after() -> list[Row]:
     for name, ball, axis, told in AFTER:
         values = [float(v[ball, axis]) for v in velocities]
         rows += first_order.rows(
-            ID, f"{name} after the impact", "m/s", steps, values, float(exact[ball, axis]), paper=told
+            f"{name} after the impact", "m/s", steps, values, float(exact[ball, axis]), paper=told
         )
     height = float(exact[0, 2]) ** 2 / (2 * way.gravity)
-    rows += first_order.rows(ID, "height of the jump of ball 2", "m", steps, heights, height, paper="jumps")
+    rows += first_order.rows("height of the jump of ball 2", "m", steps, heights, height, paper="jumps")
     return rows
 
 

@@ -96,7 +96,6 @@ def figure(found: Sequence[Point], coarse: Sequence[Point]) -> Figure:
     ]
     return study.convergence(
         "order",
-        "5.6",
         "Convergence of the velocities just after the impact",
         curves,
         "Against the sequence of impacts solved at the exact instant. Lines: steps with the impact in "

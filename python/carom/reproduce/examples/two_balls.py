@@ -24,7 +24,6 @@ def hit_step(run: Trace) -> int:
 
 
 def extrapolated(
-    example: str,
     quantity: str,
     unit: str,
     printed: float | str | None,
@@ -41,7 +40,6 @@ def extrapolated(
     tolerance = 3 * abs(at_h - at_half) + SMALLEST
     wrong = isinstance(printed, float) and abs(printed - closed) > tolerance
     return Row(
-        example,
         quantity,
         unit,
         printed,
@@ -78,7 +76,7 @@ def together(case: str, runs: Sequence[Trace], tolerance: float, printed: study.
     )
 
 
-def newton_rows(example: str, run: Trace) -> list[Row]:
+def newton_rows(run: Trace) -> list[Row]:
     """Quadratic convergence in the step of the hit: the exponent q of `r_{k+1} = r_k^q` in the last iteration.
 
     Residuals are relative (eq. 44), so that q is 2 for quadratic convergence with a factor near 1, and near 1 for linear.
@@ -89,7 +87,6 @@ def newton_rows(example: str, run: Trace) -> list[Row]:
         before, last = (math.log(x) for x in history[history > 0][-2:])
         rows.append(
             Row(
-                example,
                 f"Newton's last iteration at the hit, {level} level: exponent of the residual",
                 "1",
                 "quadratic",
@@ -104,7 +101,7 @@ def newton_rows(example: str, run: Trace) -> list[Row]:
     return rows
 
 
-def residuals(example: str, number: str, run: Trace, caption: str) -> Figure:
+def residuals(number: str, run: Trace, caption: str) -> Figure:
     """Residuals of Newton's iterations in the step of the hit."""
     curves = []
     for body, level in enumerate(LEVELS):
@@ -114,7 +111,6 @@ def residuals(example: str, number: str, run: Trace, caption: str) -> Figure:
             curves.append(Curve(label, np.arange(len(values), dtype=np.float64), values, "line", body))
     return Figure(
         number,
-        example,
         "Residual of Newton's iterations in the step of the hit",
         "iteration",
         "relative residual (eq. 44)",
