@@ -96,14 +96,8 @@ def _recursion(rho: float) -> Row:
         state = matrix @ state
         worst = max(worst, float(np.max(np.abs(_read(simulation) - state) / units)))
     name = f"lines 5-20, 41: q, v, a over a period of the oscillator, rho_inf = {rho:g}"
-    return row(
-        name,
-        "1",
-        worst,
-        1e-9,
-        "tolerance of the smooth sub-problem; relative, against eqs. 6 and 7",
-        exact=0.0,
-    )
+    why = "tolerance of the smooth sub-problem; relative, against eqs. 6 and 7"
+    return row(name, "1", worst, 1e-9, why, exact=0.0)
 
 
 def _read(simulation: Simulation) -> F64:
@@ -121,14 +115,8 @@ def _constant_force(rho: float) -> Row:
     off_v = run.velocity[:, 0] - (v0 + t[:, np.newaxis] * fall)
     off_x = run.position[:, 0] - (x0 + t[:, np.newaxis] * v0 + 0.5 * t[:, np.newaxis] ** 2 * fall)
     worst = max(float(np.abs(off_v).max()), float(np.abs(off_x).max()))
-    return row(
-        f"a constant force, largest departure, rho_inf = {rho:g}",
-        "m, m/s",
-        worst,
-        1e-12,
-        "rounding",
-        exact=0.0,
-    )
+    name = f"a constant force, largest departure, rho_inf = {rho:g}"
+    return row(name, "m, m/s", worst, 1e-12, "rounding", exact=0.0)
 
 
 def amplification(rho: float, h_omega: float) -> F64:
@@ -166,14 +154,8 @@ def _at_infinity(rho: float) -> Row:
     products = [abs(float(np.linalg.det(amplification(rho, x)))) for x in STIFF]
     limit = study.limit([1 / x**2 for x in STIFF], products)
     name = f"eq. 7: product of the three eigenvalues for h omega -> infinity, rho_inf = {rho:g}"
-    return row(
-        name,
-        "1",
-        limit,
-        1e-3,
-        f"fourth order in 1/(h omega), from {STIFF[0]:g} and {STIFF[1]:g}",
-        exact=rho**3,
-    )
+    why = f"fourth order in 1/(h omega), from {STIFF[0]:g} and {STIFF[1]:g}"
+    return row(name, "1", limit, 1e-3, why, exact=rho**3)
 
 
 def _errors(steps: tuple[float, ...]) -> tuple[list[float], list[float]]:
@@ -193,16 +175,8 @@ def _errors(steps: tuple[float, ...]) -> tuple[list[float], list[float]]:
 def _order(name: str, order: Order) -> Row:
     note = f"between neighbouring steps {', '.join(f'{pair:.2f}' for pair in order.pairwise)}"
     why = "slope of a fit; second order for every rho_inf"
-    return row(
-        f"order of convergence in smooth motion, {name}",
-        "1",
-        order.value,
-        0.1,
-        why,
-        exact=2.0,
-        paper="second order",
-        note=note,
-    )
+    name = f"order of convergence in smooth motion, {name}"
+    return row(name, "1", order.value, 0.1, why, exact=2.0, paper="second order", note=note)
 
 
 # --- the corrections, lines 21 to 40 --------------------------------------------------------------------------------
@@ -222,39 +196,17 @@ def _corrections() -> list[Row]:
     slowing = float(Approach.of(model).slowing)
     travelled = float(frame["position"][0, 0]) - float(model["position"][0][0])
     why = "rounding; the solver is asked for 1e-12"
+    nu, impulse = contacts["position_impulse"][resting, 2], contacts["impulse"][resting, 2]
+    at_rest, push = mass * g * h * h / 2, mass * g * h
+    way, speed, after = v0 * h - slowing * h * h / 2, v0 - slowing * h, frame["velocity"][0, 0]
+    rows = (
+        ("lines 22-30: nu_N of a ball at rest, m g h^2/2", "N s^2", nu, 2 * at_rest, at_rest),
+        ("lines 32-40: Lambda_N of a ball at rest, m g h", "N s", impulse, push, push),
+        ("line 28: way of a sliding ball in a step, v h - mu g h^2/2", "m", travelled, v0 * h, way),
+        ("line 38: its velocity after it, v - mu g h", "m/s", after, v0, speed),
+    )
     return [
-        row(
-            "lines 22-30: nu_N of a ball at rest, m g h^2/2",
-            "N s^2",
-            contacts["position_impulse"][resting, 2],
-            1e-10 * mass * g * h * h,
-            why,
-            exact=mass * g * h * h / 2,
-        ),
-        row(
-            "lines 32-40: Lambda_N of a ball at rest, m g h",
-            "N s",
-            contacts["impulse"][resting, 2],
-            1e-10 * mass * g * h,
-            why,
-            exact=mass * g * h,
-        ),
-        row(
-            "line 28: way of a sliding ball in a step, v h - mu g h^2/2",
-            "m",
-            travelled,
-            1e-10 * v0 * h,
-            why,
-            exact=v0 * h - slowing * h * h / 2,
-        ),
-        row(
-            "line 38: its velocity after it, v - mu g h",
-            "m/s",
-            frame["velocity"][0, 0],
-            1e-10 * v0,
-            why,
-            exact=v0 - slowing * h,
-        ),
+        row(name, unit, found, 1e-10 * scale, why, exact=exact) for name, unit, found, scale, exact in rows
     ]
 
 

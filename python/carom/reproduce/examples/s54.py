@@ -101,16 +101,11 @@ def _frictional(run: Trace) -> list[Row]:
     slip = np.abs(run.velocity[:, 0, 0] - way.radius * run.angular_velocity[:, 0, 1])
     rolls = int(np.flatnonzero(slip < ROLLING)[0])
     contact = meeting(run, *BALLS[:2])
+    speed, why = run.velocity[rolls, 0, 0], "rounding: friction is constant"
+    within, late = way.slowing * run.h**2 / hit.speed, "second order, mu g h^2/v: sliding ends inside a step"
     return [
         _event("ball 1 begins to roll", PAPER_ROLLS, way.rolling_time, float(run.time[rolls])),
-        row(
-            "its speed then",
-            "m/s",
-            run.velocity[rolls, 0, 0],
-            1e-12,
-            "rounding: friction is constant",
-            exact=way.velocity(way.rolling_time),
-        ),
+        row("its speed then", "m/s", speed, 1e-12, why, exact=way.velocity(way.rolling_time)),
         _event(
             "balls 1 and 2 meet",
             PAPER_CONTACT["frictional"],
@@ -118,14 +113,7 @@ def _frictional(run: Trace) -> list[Row]:
             contact.time,
             f"the paper gives the end of the step before; here the impact is that of step {contact.step}",
         ),
-        row(
-            "balls 1 and 2 meet, closed form",
-            "s",
-            contact.time,
-            way.slowing * run.h**2 / hit.speed,
-            "second order, mu g h^2/v: sliding ends inside a step",
-            exact=way.contact_time,
-        ),
+        row("balls 1 and 2 meet, closed form", "s", contact.time, within, late, exact=way.contact_time),
     ]
 
 
@@ -134,20 +122,11 @@ def _end(run: Trace) -> list[Row]:
     way, _ = hit_of(scene("frictional").to_model())
     v, spin = run.velocity[-1, :, 0], run.angular_velocity[-1, :, 1]
     slip = float(np.max(np.abs(v - way.radius * spin)))
+    name, note = "speed of ball 2 over that of ball 1 at the end", f"both at {v[0]:.4f} m/s"
+    rolling = "greatest slip on the bed at the end"
     return [
-        row(
-            "speed of ball 2 over that of ball 1 at the end",
-            "m/s",
-            v[1] - v[0],
-            ROLLING,
-            "solver",
-            exact=0.0,
-            paper="together",
-            note=f"both at {v[0]:.4f} m/s",
-        ),
-        row(
-            "greatest slip on the bed at the end", "m/s", slip, ROLLING, "solver", exact=0.0, paper="rolling"
-        ),
+        row(name, "m/s", v[1] - v[0], ROLLING, "solver", exact=0.0, paper="together", note=note),
+        row(rolling, "m/s", slip, ROLLING, "solver", exact=0.0, paper="rolling"),
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -45,28 +46,14 @@ def until_contact(run: Trace, case: str) -> list[Row]:
     spin, exact_spin = float(run.angular_velocity[before, 0, 1]), way.spin(float(run.time[before]))
     note = f"the paper gives the end of the step before; here the impact is that of step {contact.step}"
     why = "rounding: friction is constant"
+    grid, printed = "the paper gives times on its grid: h", demo.PAPER_CONTACT_TIME
+    exact, time = way.contact_time, contact.time
+    meet: dict[str, Any] = {"exact": exact, "paper": printed, "against": "paper", "note": note}
+    speed: dict[str, Any] = {"exact": way.contact_speed, "paper": "below 10.729"}
     return [
-        row(
-            f"{name}: balls 2 and 3 meet",
-            "s",
-            contact.time,
-            H,
-            "the paper gives times on its grid: h",
-            exact=way.contact_time,
-            paper=demo.PAPER_CONTACT_TIME,
-            against="paper",
-            note=note,
-        ),
-        row(f"{name}: the same, closed form", "s", contact.time, 1e-12, why, exact=way.contact_time),
-        row(
-            f"{name}: speed of ball 2 there",
-            "m/s",
-            contact.speed,
-            1e-10,
-            why,
-            exact=way.contact_speed,
-            paper="below 10.729",
-        ),
+        row(f"{name}: balls 2 and 3 meet", "s", time, H, grid, **meet),
+        row(f"{name}: the same, closed form", "s", time, 1e-12, why, exact=exact),
+        row(f"{name}: speed of ball 2 there", "m/s", contact.speed, 1e-10, why, **speed),
         row(f"{name}: its angular velocity in the step before", "rad/s", spin, 1e-9, why, exact=exact_spin),
     ]
 
@@ -120,28 +107,14 @@ def cue_ball(run: Trace, step: int) -> list[Row]:
     v, w = run.velocity[step, 0, 0], run.angular_velocity[step, 0, 1]
     rolling = float(v + way.kappa * way.radius * w) / (1 + way.kappa)
     in_air = f"in the air from {run.time[step]:.3f} to {run.time[lands]:.3f} s"
+    limit = (last.velocity[0, 0] + way.kappa * way.radius * last.spin[0, 1]) / (1 + way.kappa)
+    then = f"at {run.time[rolls]:.3f} s; at the limit h -> 0 of the impact {limit:.4f} m/s"
+    name, found = "change of the angular velocity of ball 2 in the air", np.ptp(spin)
+    why = "solver: (v + kappa r w)/(1 + kappa) after the impact"
+    pure: dict[str, Any] = {"exact": rolling, "paper": "pure rolling", "note": then}
     return [
-        row(
-            "change of the angular velocity of ball 2 in the air",
-            "rad/s",
-            np.ptp(spin),
-            1e-12,
-            "rounding",
-            exact=0.0,
-            paper="constant",
-            note=in_air,
-        ),
-        row(
-            "its velocity when it rolls",
-            "m/s",
-            run.velocity[rolls, 0, 0],
-            1e-9,
-            "solver: (v + kappa r w)/(1 + kappa) after the impact",
-            exact=rolling,
-            paper="pure rolling",
-            note=f"at {run.time[rolls]:.3f} s; at the limit h -> 0 of the impact "
-            f"{(last.velocity[0, 0] + way.kappa * way.radius * last.spin[0, 1]) / (1 + way.kappa):.4f} m/s",
-        ),
+        row(name, "rad/s", found, 1e-12, "rounding", exact=0.0, paper="constant", note=in_air),
+        row("its velocity when it rolls", "m/s", run.velocity[rolls, 0, 0], 1e-9, why, **pure),
     ]
 
 
@@ -162,49 +135,28 @@ def rest(run: Trace) -> list[Row]:
         start = rests - round(0.02 / H)
         predicted = float(run.time[start] + speed[start, ball] / way.rolling_slowing)
         spins = abs(float(run.angular_velocity[-1, ball, 2]))
-        rows.append(
-            row(
-                f"rolling resistance: ball {ball + 2} at rest, from its state 20 ms before",
-                "s",
-                run.time[rests],
-                H,
-                "h; v/a after the state 20 ms before, a = rho g/(r (1 + kappa))",
-                exact=predicted,
-                paper="at rest",
-                note=f"spins on at {spins:.1f} rad/s about the vertical" if spins > 1e-6 else "",
-            )
-        )
+        note = f"spins on at {spins:.1f} rad/s about the vertical" if spins > 1e-6 else ""
+        name = f"rolling resistance: ball {ball + 2} at rest, from its state 20 ms before"
+        why = "h; v/a after the state 20 ms before, a = rho g/(r (1 + kappa))"
+        rows.append(row(name, "s", run.time[rests], H, why, exact=predicted, paper="at rest", note=note))
     middle = rests - round(0.01 / H)
     slowing = float(speed[middle, 3] - speed[middle + 1, 3]) / H
-    return [
-        row(
-            "rolling resistance: deceleration of a rolling ball",
-            "m/s^2",
-            slowing,
-            1e-6,
-            "solver",
-            exact=way.rolling_slowing,
-        ),
-        *rows,
-    ]
+    name, a = "rolling resistance: deceleration of a rolling ball", way.rolling_slowing
+    return [row(name, "m/s^2", slowing, 1e-6, "solver", exact=a), *rows]
 
 
 def line_searches(run: Trace, step: int) -> list[Row]:
     """The paper's line searches in the step of the break; Carom's of that whole step at position level."""
     found = int(run.steps["line_search_position"][step - 1])
+    why = "none is wanted: every step of Newton's method is taken whole"
+    note = "Carom's are those of the whole step, position level"
     return [
         row(
-            f"line searches in the {nth} iteration of the step of the break",
-            "1",
-            found,
-            0.0,
-            "none is wanted: every step of Newton's method is taken whole",
-            exact=0.0,
-            paper=float(printed),
-            note="Carom's are those of the whole step, position level",
+            f"line searches in the {nth} iteration of the step of the break", "1", found, 0.0, why,
+            exact=0.0, paper=float(printed), note=note,
         )
         for nth, printed in zip(("third", "fourth"), PAPER_LINE_SEARCHES, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 def longest(run: Trace, step: int, level: study.Level) -> F64:
@@ -216,16 +168,8 @@ def newton(history: F64) -> Row:
     """Fig. 26: order of convergence from the last three residuals of the position level."""
     a, b, c = (math.log(x) for x in history[-3:])
     note = "residuals " + ", ".join(f"{x:.1e}" for x in history)
-    return row(
-        "order of Newton's method in the step of the break",
-        "1",
-        (c - b) / (b - a),
-        0.4,
-        "three residuals",
-        exact=2.0,
-        paper="quadratic",
-        note=note,
-    )
+    name, order = "order of Newton's method in the step of the break", (c - b) / (b - a)
+    return row(name, "1", order, 0.4, "three residuals", exact=2.0, paper="quadratic", note=note)
 
 
 def mirror(run: Trace) -> Row:

@@ -39,19 +39,9 @@ def extrapolated(
     """
     tolerance = 3 * abs(at_h - at_half) + SMALLEST
     wrong = isinstance(printed, float) and abs(printed - closed) > tolerance
-    return Row(
-        quantity,
-        unit,
-        printed,
-        closed,
-        at_h,
-        tolerance,
-        "first order: 1.5 times the error that the runs with h and h/2 predict",
-        "analytic",
-        note if wrong else "",
-        paper_in_error=wrong,
-        erratum=erratum if wrong else "",
-    )
+    why = "first order: 1.5 times the error that the runs with h and h/2 predict"
+    told = (note, wrong, erratum) if wrong else ()
+    return Row(quantity, unit, printed, closed, at_h, tolerance, why, "analytic", *told)
 
 
 def together(case: str, runs: Sequence[Trace], tolerance: float, printed: study.Printed) -> Counts:
@@ -85,19 +75,10 @@ def newton_rows(run: Trace) -> list[Row]:
     for level in LEVELS:
         history = max(run.residuals.history(hit_step(run), level), key=len)
         before, last = (math.log(x) for x in history[history > 0][-2:])
-        rows.append(
-            Row(
-                f"Newton's last iteration at the hit, {level} level: exponent of the residual",
-                "1",
-                "quadratic",
-                2.0,
-                last / before,
-                0.25,
-                "factors of 1/30 to 30 before the square of a residual of 1e-6",
-                "analytic",
-                "residuals " + ", ".join(f"{x:.1e}" for x in history),
-            )
-        )
+        name = f"Newton's last iteration at the hit, {level} level: exponent of the residual"
+        why = "factors of 1/30 to 30 before the square of a residual of 1e-6"
+        note = "residuals " + ", ".join(f"{x:.1e}" for x in history)
+        rows.append(study.row(name, "1", last / before, 0.25, why, exact=2.0, paper="quadratic", note=note))
     return rows
 
 
