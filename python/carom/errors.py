@@ -15,9 +15,7 @@ from importlib import import_module  # noqa: TID251 the packages of extras
 from typing import Any
 
 SHOWN = 50
-"""Problems printed by `str(error)`; a generated file can have one per sphere. `error.problems` holds all of
-them.
-"""
+"""Problems printed by `str(error)`; a generated file can have one per sphere. `error.problems` holds all of them."""
 
 
 class CaromError(ValueError):
@@ -86,9 +84,7 @@ class ScenarioError(CaromError):
 
 
 def one_line(text: str, width: int = 600) -> str:
-    """`text` without line breaks or control characters (a file could otherwise write on the terminal), cut at
-    `width`.
-    """
+    """`text` without line breaks or control characters (a file could otherwise write on the terminal), cut at `width`."""
     clean = "".join(c if c.isprintable() else " " for c in text)
     return clean if len(clean) <= width else clean[: width - 3] + "..."
 

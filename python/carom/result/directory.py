@@ -111,9 +111,7 @@ class RunDir:
 
     @classmethod
     def create(cls, path: Path | str, *, force: bool = False) -> RunDir:
-        """A new, empty run directory. An existing path is refused; with `force` an old run there is removed
-        first.
-        """
+        """A new, empty run directory. An existing path is refused; with `force` an old run there is removed first."""
         path = Path(path)
         try:
             if path.is_dir() and force:
@@ -138,9 +136,7 @@ class RunDir:
 
     @classmethod
     def next(cls, stem: str, parent: Path | str = "runs") -> RunDir:
-        """A new run directory `runs/<stem>-<n>` with the first free number, even if others do the same right
-        now.
-        """
+        """A new run directory `runs/<stem>-<n>` with the first free number, even if others do the same right now."""
         parent = Path(parent)
         try:
             parent.mkdir(parents=True, exist_ok=True)

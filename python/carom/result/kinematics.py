@@ -104,9 +104,7 @@ class Frames:
         return found
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Motion as a `pandas.DataFrame`, one row per frame and body (index time, body); tables have a
-        `to_pandas` too.
-        """
+        """Motion as a `pandas.DataFrame`, one row per frame and body (index time, body); tables have a `to_pandas` too."""
         pandas = extra("pandas", "to_pandas needs pandas", "interop")
         index = pandas.MultiIndex.from_product([np.asarray(self.time), self.names], names=["time", "body"])
         columns: dict[str, F64] = {}

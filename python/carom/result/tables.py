@@ -24,9 +24,7 @@ class UnknownName(CaromError, KeyError):
 
 
 class Table:
-    """Columns of equal length. `table["time"]`, `table.time`, `table.where(table.time > 1)`,
-    `table.to_pandas()`.
-    """
+    """Columns of equal length. `table["time"]`, `table.time`, `table.where(table.time > 1)`, `table.to_pandas()`."""
 
     name = ""
 

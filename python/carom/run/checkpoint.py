@@ -48,9 +48,7 @@ class Checkpoint:
 
 
 def save(directory: Path, checkpoint: Checkpoint) -> Path:
-    """Write `checkpoint-<step>.npz` so that a crash at any moment leaves either the old files or the new one
-    whole.
-    """
+    """Write `checkpoint-<step>.npz` so that a crash at any moment leaves either the old files or the new one whole."""
     arrays: list[Array] = []
     head = {
         "format": FORMAT,

@@ -30,9 +30,7 @@ class Result(RunData):
 
     @property
     def plot(self) -> Plots:
-        """Figures: `result.plot.velocities()` returns one of matplotlib, `result.plot.save("figures")` writes
-        all.
-        """
+        """Figures: `result.plot.velocities()` returns one of matplotlib, `result.plot.save("figures")` writes all."""
         from carom.show.plot import Plots
 
         return Plots(self)

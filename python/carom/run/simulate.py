@@ -46,9 +46,7 @@ LoadFunctions = Callable[..., Any] | Sequence[Callable[..., Any]]
 
 
 class RunFailed(CaromError):
-    """A run that stopped before its end. `result` holds all up to the last good step, `result.outcome` says
-    why.
-    """
+    """A run that stopped before its end. `result` holds all up to the last good step, `result.outcome` says why."""
 
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
@@ -467,9 +465,7 @@ class Run:
 
 
 def _note_failure(directory: RunDir, writer: Writer, about: dict[str, Any], error: BaseException) -> None:
-    """Leave a directory that does not claim to be more than it is, whatever the error; the error itself goes
-    on.
-    """
+    """Leave a directory that does not claim to be more than it is, whatever the error; the error itself goes on."""
     try:
         writer.close()
     except Exception:

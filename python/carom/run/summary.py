@@ -1,6 +1,4 @@
-"""What is said of a run when it ends: one dictionary, in `run.json`, printed by `carom run` and given by
-`--json`.
-"""
+"""What is said of a run when it ends: one dictionary, in `run.json`, printed by `carom run` and given by `--json`."""
 
 from __future__ import annotations
 
@@ -43,9 +41,7 @@ def versions() -> dict[str, Any]:
 
 
 def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str, Any]) -> dict[str, Any]:
-    """The numbers of a run, over all its segments. Keys are those of `carom run --json`; all values are plain
-    Python.
-    """
+    """The numbers of a run, over all its segments. Keys are those of `carom run --json`; all values are plain Python."""
     totals, names = plain(simulation.monitors()), scene.names
     segments = about["segments"]
     found: dict[str, Any] = {

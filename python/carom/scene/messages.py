@@ -21,9 +21,7 @@ NESTED = (("motion",), ("region",))
 
 @dataclass(frozen=True)
 class Finding:
-    """Something wrong with (or worth saying about) the value at `path` of the tree, before it is given a
-    line.
-    """
+    """Something wrong with (or worth saying about) the value at `path` of the tree, before it is given a line."""
 
     path: Path
     cause: str

@@ -53,8 +53,6 @@ class Plan:
 
 
 def thinned(steps: int, frames: int = 1000) -> int:
-    """Steps between frames for about `frames` of them; if possible a divisor of `steps`, so that the last
-    step is one.
-    """
+    """Steps between frames for about `frames` of them; if possible a divisor of `steps`, so that the last step is one."""
     least = max(1, math.ceil(steps / frames))
     return next((n for n in range(least, 2 * least) if steps % n == 0), least)

@@ -195,9 +195,7 @@ class Scene(Waller, Attacher, Taker):
         return self._tree.record
 
     def with_options(self, **options: Unpack[Options]) -> Scene:
-        """This scene with other keys of `[run]` and `[record]`; spheres and everything else are shared with
-        it.
-        """
+        """This scene with other keys of `[run]` and `[record]`; spheres and everything else are shared with it."""
         return self.overridden(options, dict.fromkeys(options, "carom.simulate"))
 
     def overridden(self, options: Mapping[str, Any], places: Mapping[str, str]) -> Scene:
@@ -282,9 +280,7 @@ class Scene(Waller, Attacher, Taker):
         return [*self._tree.packing, *self._tree.rack, *self._tree.lattice, *self._tree.inflow]
 
     def validate(self) -> list[Problem]:
-        """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at
-        once.
-        """
+        """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at once."""
         wrong, good = faults(self._tree.packing)
         tree = self._tree.model_copy(update={"packing": list(good.values())})
         parts = replace(

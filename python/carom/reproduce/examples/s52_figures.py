@@ -10,6 +10,7 @@ from carom.reproduce import study
 from carom.reproduce.analytic import single_collision as exact
 from carom.reproduce.document import Curve, Figure
 from carom.reproduce.examples import s52_study as runs
+from carom.reproduce.examples.two_balls import energies as energies_of
 from carom.reproduce.examples.two_balls import hit_step
 from carom.reproduce.memory import Trace
 
@@ -82,25 +83,10 @@ def _energies(run: Trace, number: str, title: str, start: float, end: float, eve
     inside = np.flatnonzero((time >= start) & (time <= end))
     hit = hit_step(run)
     kept = np.unique([*inside[::every], *(n for n in range(hit - 3, hit + 3) if n in inside)])
-    rest = float(run.steps["energy_potential"][0])
-    names = {
-        "kinetic": run.steps["energy_kinetic"],
-        "potential, above rest": run.steps["energy_potential"] - rest,
-    }
-    curves = [
-        Curve(name, time[kept], values[kept], "line", n) for n, (name, values) in enumerate(names.items())
-    ]
-    curves.append(Curve("total, above rest", time[kept], run.energy.total[kept] - rest, "dashed", 2))
-    if number == "7b":
-        curves = [curves[1]]
-    return Figure(
-        number,
-        title,
-        "time in s",
-        "energy in J",
-        tuple(curves),
-        f"{said} The paper: no spurious energy throughout.",
-    )
+    curves = energies_of(run, kept)
+    drawn = curves[1:2] if number == "7b" else curves
+    caption = f"{said} The paper: no spurious energy throughout."
+    return Figure(number, title, "time in s", "energy in J", drawn, caption)
 
 
 def order(points: Sequence[runs.Point]) -> Figure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -187,34 +188,19 @@ def _figure_11(shots: list[runs.Throw], phi: int, number: str) -> Figure:
 def _figure_12(run: Trace) -> list[Figure]:
     hit = two_balls.hit_step(run)
     kept = np.unique([*range(0, len(run.steps), 20), *range(hit - 3, hit + 4)])
-    time = run.steps["time"][kept]
-    rest = float(run.steps["energy_potential"][0])
-    curves = [
-        Curve("kinetic", time, run.steps["energy_kinetic"][kept], "line", 0),
-        Curve("potential, above rest", time, run.steps["energy_potential"][kept] - rest, "line", 1),
-        Curve("total, above rest", time, run.energy.total[kept] - rest, "dashed", 2),
-    ]
-    window = slice(hit - 20, hit + HEIGHT_STEPS)
-    lifted = 1e3 * (run.steps["energy_potential"][window] - rest)
+    window = np.arange(hit - 20, hit + HEIGHT_STEPS)
+    potential = two_balls.energies(run, window)[1]
+    lifted = (replace(potential, y=1e3 * potential.y),)
+    rises = "Too small to be seen beside the kinetic energy: the cue ball, thrown up by friction, flies and lands."
+    title, height = "Energies in time", "Energy of height after the hit"
     return [
         Figure(
-            "12",
-            "Energies in time",
-            "time in s",
-            "energy in J",
-            tuple(curves),
+            "12", title, "time in s", "energy in J", two_balls.energies(run, kept),
             "Only the hit changes the energy: friction between the balls takes some away, and the cue ball, thrown up,"
             " carries some over into height until it lands. The paper: practically conserved, some dissipation at the hit.",
         ),
-        Figure(
-            "12-height",
-            "Energy of height after the hit",
-            "time in s",
-            "energy in mJ",
-            (Curve("potential, above rest", run.steps["time"][window], lifted, "line", 1),),
-            "Too small to be seen beside the kinetic energy: the cue ball, thrown up by friction, flies and lands.",
-        ),
-    ]
+        Figure("12-height", height, "time in s", "energy in mJ", lifted, rises),
+    ]  # fmt: skip
 
 
 def _figure_14(points: list[runs.Point]) -> Figure:

@@ -21,50 +21,31 @@ JUMP: Limits = (0.1, 0.16, None, None)
 def velocities(free: Trace, braked: Trace) -> list[Figure]:
     """Figure 24: speeds of all balls without and with rolling resistance."""
     texts = {
-        "24a": (
-            free,
-            "Velocities without rolling resistance",
-            "A ball that rolls keeps its speed until its next hit.",
-        ),
-        "24b": (
-            braked,
-            "Velocities with rolling resistance",
-            "Rolling resistance brings every ball to rest.",
-        ),
+        "24a": (free, "without", "A ball that rolls keeps its speed until its next hit."),
+        "24b": (braked, "with", "Rolling resistance brings every ball to rest."),
     }
-    return [
-        Figure(
-            number,
-            title,
-            "time in s",
-            "v_x in m/s",
-            tuple(Curve(f"ball {i + 2}", run.time, run.velocity[:, i, 0], body=i) for i in range(4)),
-            caption,
-        )
-        for number, (run, title, caption) in texts.items()
-    ]
+    found = []
+    for number, (run, how, caption) in texts.items():
+        curves = tuple(Curve(f"ball {i + 2}", run.time, run.velocity[:, i, 0], body=i) for i in range(4))
+        title = f"Velocities {how} rolling resistance"
+        found.append(Figure(number, title, "time in s", "v_x in m/s", curves, caption))
+    return found
 
 
 def cue_ball(run: Trace, penalty: Trace | None) -> list[Figure]:
     """Figure 25: the cue ball by both methods, its velocities and its jump."""
     runs = [(run, "", True)] + ([(penalty, ", penalty", False)] if penalty else [])
     told = "" if penalty else " The penalty method was left out of this run."
+    v = [(r, r.velocity[:, 0, 0], label, own) for r, label, own in runs]
+    w = [(r, r.angular_velocity[:, 0, 1], label, own) for r, label, own in runs]
     rise = [(r, 1e3 * (r.position[:, 0, 2] - r.position[0, 0, 2]), label, own) for r, label, own in runs]
+    thrown, constant = (
+        f"It is thrown back at the break, slides and rolls.{told}",
+        "Constant while the ball is in the air.",
+    )
     return [
-        _pair(
-            "25a-v",
-            "Cue ball: velocity",
-            "v_x in m/s",
-            [(r, r.velocity[:, 0, 0], label, own) for r, label, own in runs],
-            f"It is thrown back at the break, slides and rolls.{told}",
-        ),
-        _pair(
-            "25a-w",
-            "Cue ball: angular velocity",
-            "w_y in rad/s",
-            [(r, r.angular_velocity[:, 0, 1], label, own) for r, label, own in runs],
-            f"Constant while the ball is in the air.{told}",
-        ),
+        _pair("25a-v", "Cue ball: velocity", "v_x in m/s", v, thrown),
+        _pair("25a-w", "Cue ball: angular velocity", "w_y in rad/s", w, constant + told),
         _pair("25b", "Cue ball: height", "rise in mm", rise, f"The jump after the break.{told}", JUMP),
     ]
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carom.measure.events import hits
 from carom.reproduce import study
@@ -98,4 +99,15 @@ def residuals(number: str, run: Trace, caption: str) -> Figure:
         tuple(curves),
         caption,
         yscale="log",
+    )
+
+
+def energies(run: Trace, kept: NDArray[np.integer]) -> tuple[Curve, Curve, Curve]:
+    """Kinetic, potential and total energy after some steps, the latter two less the potential energy of the start."""
+    time, kinetic, potential = (run.steps[key] for key in ("time", "energy_kinetic", "energy_potential"))
+    rest = float(potential[0])
+    return (
+        Curve("kinetic", time[kept], kinetic[kept], "line", 0),
+        Curve("potential, above rest", time[kept], potential[kept] - rest, "line", 1),
+        Curve("total, above rest", time[kept], run.energy.total[kept] - rest, "dashed", 2),
     )

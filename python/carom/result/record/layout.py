@@ -32,9 +32,7 @@ TEXTS = ("name", "shape", "motion")
 
 
 class Rows(NamedTuple):
-    """How many rows of each table are whole. The last row of `/commit` is the only truth a reader may rely
-    on.
-    """
+    """How many rows of each table are whole. The last row of `/commit` is the only truth a reader may rely on."""
 
     frames: int = 0
     contacts: int = 0

@@ -87,9 +87,7 @@ class Writer:
         self._failure: BaseException | None = None
 
     def append(self, block: Mapping[str, Any]) -> None:
-        """Take over a block as `Simulation.advance` returns it; the first one fixes columns and types of the
-        file.
-        """
+        """Take over a block as `Simulation.advance` returns it; the first one fixes columns and types of the file."""
         if self._file is None:
             try:
                 with _explained(self.path):

@@ -1,6 +1,4 @@
-"""The little vector arithmetic that checking a scenario needs, on tuples, safe for very long and very short
-vectors.
-"""
+"""The little vector arithmetic that checking a scenario needs, on tuples, safe for very long and very short vectors."""
 
 from __future__ import annotations
 

@@ -90,9 +90,7 @@ class Sphere(Ball):
 
 
 class Generator(Ball):
-    """A table that stands for many balls, numbered from `first_number`: `name = "ball"` makes ball1, ball2,
-    ...
-    """
+    """A table that stands for many balls, numbered from `first_number`: `name = "ball"` makes ball1, ball2, ..."""
 
     name: Name = key("prefix of the names; the number is appended", examples=["ball"])
     first_number: Annotated[int, Integer(Bounds(ge=0))] = key("number of the first ball", default=1)
@@ -166,9 +164,7 @@ class Rack(Generator):
         return self
 
     def row_lengths(self, more: int = 0) -> list[int]:
-        """Balls in each row, apex first: the largest rack with at most `balls` balls (and `more` sizes above
-        it).
-        """
+        """Balls in each row, apex first: the largest rack with at most `balls` balls (and `more` sizes above it)."""
         if self.shape == "triangle":
             rows = self.rows if self.rows is not None else (isqrt(8 * (self.balls or 1) + 1) - 1) // 2
             return list(range(1, rows + more + 1))

@@ -11,9 +11,7 @@ from carom.scene.messages import from_python
 
 
 class Table(BaseModel):
-    """A TOML table. Values are checked when it is made and when an attribute is set; errors are
-    `ScenarioError`.
-    """
+    """A TOML table. Values are checked when it is made and when an attribute is set; errors are `ScenarioError`."""
 
     model_config = ConfigDict(extra="forbid", validate_assignment=True, protected_namespaces=())
 

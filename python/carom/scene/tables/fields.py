@@ -20,9 +20,7 @@ from carom import units
 from carom.errors import did_you_mean, quoted
 
 OURS = "carom"
-"""Type of the pydantic errors made here; their context holds `cause`, `cure` and perhaps `part` (a place in
-the value).
-"""
+"""Type of the pydantic errors made here; their context holds `cause`, `cure` and perhaps `part` (a place in the value)."""
 
 
 def refuse(cause: str, cure: str, part: tuple[int | str, ...] = ()) -> PydanticCustomError:
@@ -43,9 +41,7 @@ def _is(kind: type, value: Any) -> bool:
 
 
 class Checked:
-    """Metadata for `Annotated`: `check` gets the raw value and returns the stored one, or raises
-    `refuse(...)`.
-    """
+    """Metadata for `Annotated`: `check` gets the raw value and returns the stored one, or raises `refuse(...)`."""
 
     def check(self, value: Any) -> Any:
         raise NotImplementedError
@@ -105,9 +101,7 @@ NOT_NEGATIVE = Bounds(ge=0)
 
 @dataclass(frozen=True)
 class Quantity(Checked):
-    """A finite number in SI, or a string with a unit of `dimension` (see `carom.units`); stored as a float in
-    SI.
-    """
+    """A finite number in SI, or a string with a unit of `dimension` (see `carom.units`); stored as a float in SI."""
 
     dimension: str = "number"
     bounds: Bounds = ANY

@@ -34,9 +34,7 @@ class LineMap:
             self._lines = _Scanner(text).scan()
 
     def line(self, path: Path) -> int:
-        """The line of `path`, or of the nearest table around it that is written down (a missing key: its
-        table).
-        """
+        """The line of `path`, or of the nearest table around it that is written down (a missing key: its table)."""
         while path:
             if path in self._lines:
                 return self._lines[path]

@@ -59,19 +59,8 @@ def gif(pictures: Iterator[Picture], look: Look, path: Path) -> None:
     )
     try:
         _film(pictures, look, whole, LOSSLESS)
-        _run(
-            "-i",
-            str(whole),
-            "-vf",
-            "palettegen=stats_mode=diff",
-            "-c:v",
-            "png",
-            "-f",
-            "image2",
-            "-update",
-            "1",
-            str(palette),
-        )
+        first = "-vf palettegen=stats_mode=diff -c:v png -f image2 -update 1"
+        _run("-i", str(whole), *first.split(), str(palette))
         way = "paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"
         _run("-i", str(whole), "-i", str(palette), "-lavfi", way, "-loop", "0", "-f", "gif", str(path))
     finally:
@@ -94,16 +83,7 @@ def png(picture: Picture, path: Path) -> None:
 
 
 def _film(pictures: Iterator[Picture], look: Look, path: Path, how: list[str]) -> None:
-    raw = [
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-s",
-        f"{look.width}x{look.height}",
-        "-r",
-        f"{look.fps:.6g}",
-    ]
+    raw = f"-f rawvideo -pix_fmt rgb24 -s {look.width}x{look.height} -r {look.fps:.6g}".split()
     with _started(*raw, "-i", "-", *how, str(path)) as process:
         for picture in pictures:
             try:
