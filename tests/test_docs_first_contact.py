@@ -10,7 +10,7 @@ import sys
 
 import carom
 import pytest
-from carom.cli.app import GROUPS, app
+from carom.cli.app import GROUPS, app, name_of
 from prose import SENTENCE, long_sentences, words
 from typer.main import get_command
 
@@ -57,7 +57,9 @@ def test_help_lists_every_command_once_in_groups_of_one_line_each() -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("command", sorted(name for group in GROUPS.values() for name in group))
+@pytest.mark.parametrize(
+    "command", sorted(name_of(command) for group in GROUPS.values() for command in group)
+)
 def test_the_help_of_a_command_has_short_sentences(command: str) -> None:
     """Each paragraph of its text and each line on an option by itself."""
     text = process(command, "--help")

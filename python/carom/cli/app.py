@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Annotated, Any
 
 import typer
@@ -26,13 +27,17 @@ from carom.cli.sweep import sweep
 from carom.cli.view import view
 
 #: The commands by purpose, in the order of `carom --help`.
-GROUPS = {
-    "Start": ("demo", "examples", "doctor"),
-    "Simulate": ("run", "resume", "sweep"),
-    "Look": ("view", "plot", "export", "info"),
-    "Check": ("check", "converge", "compare", "reproduce"),
-    "Other tasks": ("solve", "schema", "cite"),
+GROUPS: dict[str, tuple[Any, ...]] = {
+    "Start": (demo, examples, doctor),
+    "Simulate": (run, resume, sweep),
+    "Look": (view, plot, export, info),
+    "Check": (check, converge, compare, reproduce),
+    "Other tasks": (solve, schema, cite),
 }
+
+
+def name_of(command: Any) -> str:
+    return "examples" if command is examples else str(command.__name__)
 
 
 class GroupedCommands(TyperGroup):
@@ -40,7 +45,8 @@ class GroupedCommands(TyperGroup):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         width = max(map(len, self.commands))
-        for title, names in GROUPS.items():
+        for title, group in GROUPS.items():
+            names = map(name_of, group)
             rows = [(n.ljust(width), self.commands[n].get_short_help_str(formatter.width)) for n in names]
             with formatter.section(title):
                 formatter.write_dl(rows)
@@ -88,24 +94,9 @@ def carom(
     """
 
 
-for _command in (
-    demo,
-    doctor,
-    run,
-    resume,
-    sweep,
-    view,
-    plot,
-    export,
-    info,
-    check,
-    converge,
-    compare,
-    reproduce,
-    solve,
-    schema,
-    cite,
-):
+for _command in chain(*GROUPS.values()):
+    if _command is examples:
+        continue
     # Its first sentence stands whole in the list of commands, which click would cut at 45 characters.
     _sentence = (_command.__doc__ or "").strip().split("\n\n")[0]
     app.command(no_args_is_help=False, short_help=" ".join(_sentence.split()))(_command)

@@ -12,6 +12,7 @@ import numpy as np
 from carom.arrays import Array
 from carom.errors import CaromError, did_you_mean, extra
 from carom.result.record import Record
+from carom.result.record.layout import MEANINGS
 
 if TYPE_CHECKING:
     import pandas
@@ -193,9 +194,7 @@ class Events(Table):
             return {
                 "ball": lambda: np.array([self._names[i] for i in np.asarray(self["body"])], dtype=object)
             }
-        return dict.fromkeys(
-            ("step", "time", "body", "kind", "ball"), lambda: np.zeros(0)
-        )  # nothing could happen
+        return _without_rows(self.name, "ball")
 
     def left(self) -> list[tuple[str, float]]:
         """Name and time (s) of each ball that left."""
@@ -218,22 +217,7 @@ class Transitions(_Pairs):
 
     def _derived(self) -> Mapping[str, Callable[[], Any]]:
         if not self._segments.columns(self.name):  # of another method
-            return dict.fromkeys(
-                [
-                    "step",
-                    "time",
-                    "body",
-                    "kind",
-                    "mode",
-                    "position",
-                    "velocity",
-                    "pair",
-                    "event",
-                    "before",
-                    "after",
-                ],
-                lambda: np.zeros(0),
-            )
+            return _without_rows(self.name, "pair", "event", "before", "after")
         words = np.array([*self.MODES, "?"], dtype=object)
         kinds = np.array([*self.EVENTS, "?"], dtype=object)
         return {
@@ -246,6 +230,12 @@ class Transitions(_Pairs):
     def _pair(self) -> Array:
         """(rows, 2) names, "" for nothing."""
         return np.where(np.asarray(self["body"]) < 0, "", super()._pair())
+
+
+def _without_rows(table: str, *derived: str) -> Mapping[str, Callable[[], Any]]:
+    """The columns of a table of which nothing could happen in the run."""
+    names = [key.partition("/")[2] for key in MEANINGS if key.startswith(f"{table}/")]
+    return dict.fromkeys((*names, *derived), lambda: np.zeros(0))
 
 
 class Residuals(Table):

@@ -120,25 +120,13 @@ class Builder:
         (or `at`) m; `velocity` m/s; `angular_velocity` rad/s in fixed axes; `orientation` unit quaternion, w
         first.
         """
+        given = {k: v for k, v in locals().items() if k not in ("self", "at")}
         label = f"Scene.sphere({quoted(name)})"
         if position is not None and at is not None:
             raise ScenarioError(
                 [Problem(label, "at", "both position and at are given", "give one, they mean the same")]
             )
-        sphere = make(
-            Sphere,
-            label,
-            name=name,
-            material=material,
-            radius=radius,
-            mass=mass,
-            density=density,
-            inertia=inertia,
-            position=position if at is None else at,
-            velocity=velocity,
-            angular_velocity=angular_velocity,
-            orientation=orientation,
-        )
+        sphere = make(Sphere, label, **{**given, "position": position if at is None else at})
         self._take_name(name, label)
         self.material(material)
         self._tree.sphere.append(sphere)
