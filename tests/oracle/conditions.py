@@ -226,6 +226,7 @@ def _replay(
         stage: str,
         paper: bool = False,
         compressed: F64 | None = None,
+        known: F64 | None = None,
     ) -> tuple[F64, ImpactProblem]:
         _, given, factor = queue.pop(0) if queue and queue[0][0] == stage else (stage, {}, 1.0)
         multipliers = np.zeros(lay.rows)

@@ -1,7 +1,7 @@
 """Velocity level: the sequence of impact problems of one island (sections 5 and 7 of the specification; eqs. 24-29).
 
 `sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (the paper as printed), `one-shot` (one simultaneous
-problem with Newton's law) and `poisson` (compression, then expansion).
+problem with Newton's law), `poisson` (compression, then expansion) and `binary` (stiff springs).
 """
 
 import itertools
@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from .binary import spring_impulses
 from .contact import Impulse, to_world
 from .island import Island as Island
 from .island import connected
@@ -162,11 +163,13 @@ def impact_problem(
     stage: str,
     paper: bool = False,
     compressed: F64 | None = None,
+    known: F64 | None = None,
 ) -> tuple[F64, ImpactProblem]:
     """One problem with members C: its impulses (m,), and a record. `u_minus` (d,) is V^-, None for e = 0.
 
     `before` (m,) are all impulses before the problem; of these it solves some anew, and leaves those that are `fixed` (m,).
     With `compressed` (m,) it is the expansion of Poisson's law, and `before` what was before the compression.
+    Impulses that are `known` (m,) are those with restitution, which no contact problem gives.
     """
     what = f"impact problem, stage {stage}, spheres {island.layout.bodies}"
     scale = np.ones(len(island.elements))
@@ -175,8 +178,11 @@ def impact_problem(
         least, offset = island.expansion(compressed)
     elif u_minus is not None:
         offset = island.offset(u_minus, tolerance, paper)
-    solved = _solve_members(island, members, offset, fixed, what, least)
-    restores = u_minus is not None or compressed is not None
+    if known is None:
+        solved = _solve_members(island, members, offset, fixed, what, least)
+    else:
+        solved = _Solved(known, island.jump(fixed + known), 0, [], "")
+    restores = not (u_minus is None and compressed is None and known is None)
     if restores and not paper and island.model.options.energy_safeguard:
         given, change = fixed - before + solved.multipliers, solved.jump - island.jump(before)
         if any(_work(island, [i], before, given, change) > 0.0 for i in members):
@@ -223,6 +229,7 @@ class ProblemSolver(Protocol):
         stage: str,
         paper: bool = False,
         compressed: F64 | None = None,
+        known: F64 | None = None,
     ) -> tuple[F64, ImpactProblem]: ...
 
 
@@ -240,6 +247,8 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
             result.problems.append(record)
         elif island.model.options.impact == "poisson":
             impulses = _poisson(island, impact_problem, tolerance, result)
+        elif island.model.options.impact == "binary" and len(island.elements) > 1:
+            impulses = _binary(island, impact_problem, tolerance, result)
         else:
             impulses = _sequence(island, impact_problem, tolerance, result)
     if np.any(impulses):
@@ -273,6 +282,22 @@ def _poisson(island: Island, impact_problem: ProblemSolver, tolerance: F64, resu
     if np.any(island.expansion(compressed)[0] > 0.0):
         added, record = impact_problem(
             island, everything, impulses, loads, None, tolerance, "2", compressed=compressed
+        )
+        impulses = impulses + added
+        result.problems.append(record)
+    return impulses
+
+
+def _binary(island: Island, impact_problem: ProblemSolver, tolerance: F64, result: IslandResult) -> F64:
+    """Loads; springs; what the loads have closed meanwhile. The impulses of all contacts (m,)."""
+    impulses, _ = _loads(island, impact_problem, tolerance, result)
+    everything = list(range(len(island.elements)))
+    for stage, springs in (("1", True), ("2", False)):
+        if not np.any(island.normal_velocity(island.u_check + island.jump(impulses)) < -tolerance):
+            break
+        known = spring_impulses(island) if springs else None
+        added, record = impact_problem(
+            island, everything, impulses, impulses, None, tolerance, stage, known=known
         )
         impulses = impulses + added
         result.problems.append(record)

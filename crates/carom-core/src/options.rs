@@ -111,6 +111,8 @@ named_choice! {
         OneShot = "one-shot",
         /// Compression, then expansion (Poisson).
         Poisson = "poisson",
+        /// Stiff springs in all contacts at once (Liu, Zhao and Brogliato).
+        Binary = "binary",
     }
 }
 

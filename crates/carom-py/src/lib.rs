@@ -61,6 +61,7 @@ fn impact_laws(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
             Restitution::Newton => "newton",
             Restitution::Printed => "printed",
             Restitution::Poisson => "poisson",
+            Restitution::Energetic => "energetic",
         };
         row.set_item("restitution", restitution)?;
         row.set_item("problems", facts.problems)?;

@@ -177,6 +177,24 @@ impl RowSystem {
     }
 
     /// Adds a contact with its rows (`jac[row] = [over a, over b]`, `z0[row]`), computing `D_cc`.
+    /// Adds what an impulse in a row gives the velocities `u` of its nodes.
+    #[inline]
+    pub fn push_row(&self, c: &RowContact, row: usize, impulse: f64, u: &mut [f64]) {
+        for (side, node) in [(0, c.node_a), (1, c.node_b)] {
+            if node == WORLD {
+                continue;
+            }
+            let inverse = [
+                self.inv_mass[node as usize],
+                self.inv_inertia[node as usize],
+            ];
+            let u = &mut u[NODE_DOF * node as usize..][..NODE_DOF];
+            for (k, u) in u.iter_mut().enumerate() {
+                *u += inverse[k / 3] * self.jac[row][side][k] * impulse;
+            }
+        }
+    }
+
     #[allow(clippy::too_many_arguments)] // one call site; a struct would only repeat the names
     pub fn push_contact(
         &mut self,

@@ -11,7 +11,8 @@ with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` t
 `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together (rule R4), the first one
 counted from the motion that problem 0 has left. It takes back what joints and loads answered to impulses of problem 0 that
 remain, and answers them anew. The problem that ends a sequence which was cut obeys the same law; that of
-`sequence-paper` has no restitution. By Poisson's law the first problem has none, and after the second nothing closes.
+`sequence-paper` has no restitution. By Poisson's law the first problem has none, and after the second nothing closes. An
+impact through springs is no contact problem: of it energy, cones and speeds are judged.
 Bounds: `bounds`.
 """
 
@@ -65,6 +66,9 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     other = Replay(block, r.of(again), kept[again], ~end[again]).run_all() if again.size else {}
     where = place(block, r)
     block.skip_companions(tally, "impact", r.k)
+    if block.run.impact_law.restitution == "energetic":
+        why = "no contact problem stands for an impact through springs"
+        tally.skip("impact", why, "another impact law", int((r.problem == 1).sum()))
     for kind, told in found.items():
         if kind in other:
             told = _better(told, other[kind], again)
@@ -365,7 +369,8 @@ class Replay:
 
     def _tell(self, kind: str, rows: I64, value: F64, bound: F64) -> None:
         if kind in ("impact", "slip", "roll"):
-            lawful = ~self.block.companion[self.r.k[rows]]
+            springs = self.block.run.impact_law.restitution == "energetic"
+            lawful = ~self.block.companion[self.r.k[rows]] & ~(springs & (self.r.problem[rows] == 1))
             rows, value, bound = rows[lawful], value[lawful], bound[lawful]
         self.told.setdefault(kind, []).append(Told(rows, value, bound))
 

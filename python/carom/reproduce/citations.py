@@ -16,6 +16,8 @@ SOURCES: dict[str, str] = {
     " impact problems, Nonlinear Dyn. 102 (2020) 1997-2016",
     "poisson": "C. Glocker, F. Pfeiffer, Multiple impacts with friction in rigid multibody systems, Nonlinear Dyn. 7 (1995)"
     " 471-497",
+    "binary": "C. Liu, Z. Zhao, B. Brogliato, Frictionless multiple impacts in multibody systems. I. Theoretical framework,"
+    " Proc. R. Soc. A 464 (2008) 3193-3211",
     "newton": "P. Alart, A. Curnier, A mixed formulation for frictional contact problems prone to Newton like solution"
     " methods, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375",
     "moreau": "J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, in: Nonsmooth Mechanics and"

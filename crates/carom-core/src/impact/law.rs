@@ -28,6 +28,8 @@ pub enum Law {
     /// Poisson's law: what stops the motion before the step, and the expansion that gives e of it back.
     Compression,
     Expansion,
+    /// Springs: the impact as a whole, from the velocities of t_n.
+    Binary,
     /// As the paper prints it: normal of n, not clipped, e_T always.
     Printed,
 }
@@ -35,12 +37,12 @@ pub enum Law {
 impl Law {
     /// Whether restitution acts, and the energy safeguard looks at it. (As printed there is none.)
     pub fn has_restitution(self) -> bool {
-        matches!(self, Law::First | Law::Later | Law::Expansion)
+        matches!(self, Law::First | Law::Later | Law::Expansion | Law::Binary)
     }
 
     /// Whether the energy of its problem counts from the loads on, with impulses of earlier problems.
     pub fn is_first(self) -> bool {
-        matches!(self, Law::First | Law::Expansion)
+        matches!(self, Law::First | Law::Expansion | Law::Binary)
     }
 
     /// Of a contact with `[e_N, e_T]` that approaches by `approach` (m/s, negative: it closes): what is added to the normal
@@ -48,12 +50,13 @@ impl Law {
     #[inline]
     pub fn terms(self, [e_n, e_t]: [f64; 2], approach: f64, o: &Options, tol: f64) -> [f64; 2] {
         match self {
-            Law::Plastic | Law::Compression | Law::Expansion => [0.0; 2],
+            Law::Plastic | Law::Compression | Law::Expansion | Law::Binary => [0.0; 2],
             Law::Printed => [e_n * approach, e_t],
             Law::First | Law::Later => {
                 let slow = -approach < o.restitution_threshold;
                 let e_n = if slow { 0.0 } else { e_n };
-                let e_t = if approach < -tol { e_t } else { 0.0 };
+                let restores = approach < -tol && o.impact.restores_slip();
+                let e_t = if restores { e_t } else { 0.0 };
                 [e_n * approach.min(0.0), e_t]
             }
         }

@@ -2,6 +2,7 @@
 //!
 //! A new law is a variant of [`Impact`], a row of [`Impact::facts`] and an arm of [`solve`]; the compiler asks for both.
 
+use super::binary::through_springs;
 use super::poisson::compress_and_expand;
 use super::sequence::{as_printed, loads_first, one_shot, ImpactIsland};
 use crate::options::Impact;
@@ -15,6 +16,8 @@ pub enum Restitution {
     Printed,
     /// Poisson's, on impulses.
     Poisson,
+    /// Energetic: of the work of compression e^2 comes back.
+    Energetic,
 }
 
 /// What is known of an impact law.
@@ -50,9 +53,22 @@ impl Impact {
         matches!(self.facts().restitution, Restitution::Printed)
     }
 
-    /// Whether a lone contact obeys Newton's law, which has a closed form.
+    /// Whether its problems obey Newton's law.
     pub const fn is_newtons(self) -> bool {
+        matches!(
+            self.facts().restitution,
+            Restitution::Newton | Restitution::Printed
+        )
+    }
+
+    /// Whether a lone contact obeys it, which has a closed form. (Energetic restitution is the same there.)
+    pub const fn has_closed_form(self) -> bool {
         !matches!(self.facts().restitution, Restitution::Poisson)
+    }
+
+    /// Whether it reads tangential restitution.
+    pub fn restores_slip(self) -> bool {
+        self.facts().needs.contains(&"tangential_restitution")
     }
 
     /// The row of the law in the table.
@@ -98,6 +114,16 @@ impl Impact {
                 needs: NEWTON,
                 cite: &["poisson"],
             },
+            Impact::Binary => LawFacts {
+                summary: "all contacts are stiff Hertz springs until the impact is over",
+                advice: "for chains and clusters of some hundred balls of one material",
+                loads_first: true,
+                energy: true,
+                restitution: Restitution::Energetic,
+                problems: 2,
+                needs: &["friction", "restitution"],
+                cite: &["binary"],
+            },
         }
     }
 }
@@ -110,5 +136,6 @@ pub fn solve(law: Impact, island: &mut impl ImpactIsland) -> bool {
         Impact::SequencePaper => as_printed(island),
         Impact::OneShot => one_shot(island),
         Impact::Poisson => compress_and_expand(island),
+        Impact::Binary => through_springs(island),
     }
 }

@@ -160,6 +160,9 @@ impl ImpactIsland for RowIsland<'_, '_> {
             return true;
         }
         let (model, scratch) = (self.model, &mut *self.scratch);
+        if law == Law::Binary {
+            return self.work.press(model, scratch.contacts);
+        }
         (self.work).solve_chosen(model, scratch, law, problem, warm.as_deref(), self.report)
     }
 

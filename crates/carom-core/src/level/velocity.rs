@@ -37,8 +37,8 @@ pub fn solve_island(
             let [old, _] = single::wall_motion(model, state, scratch, c);
             c.n0.dot(state.velocity[c.a as usize]) - old.normal > 0.0
         };
-        let newtons = model.options.impact.is_newtons();
-        if newtons && closed_form(model, c) && !(printed && separating()) {
+        let single = model.options.impact.has_closed_form();
+        if single && closed_form(model, c) && !(printed && separating()) {
             if scratch.walls.any_moves() {
                 solve_single::<true>(task, scratch, m, report);
             } else {

@@ -3,13 +3,15 @@
 use super::closed_contact::{ClosedContact, Frame};
 use super::{chunks, roll};
 use crate::contact::Contact;
+use crate::impact::binary::{impulses, spring};
 use crate::impact::law::{expansion, Law};
 use crate::model::Model;
 use crate::pile::limits::{budget, finer, tolerance, worst, CLOSING_LEFT, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
+use carom_solve::rows::RowSystem;
 use carom_solve::spheres::{self, Goal, Progress};
-use carom_solve::team;
+use carom_solve::{team, Bounds};
 use glam::DVec3;
 
 /// Sweeps after which impulses are scaled chunk by chunk: what takes fewer has little to tell from one end of the pile to the other. Without
@@ -94,6 +96,65 @@ impl Pile {
         }
         self.forget_solution();
         self.take(&progress, report).map(|()| expands)
+    }
+
+    /// Lets springs press the chosen contacts from the velocities of t_n on.
+    pub(super) fn press(&mut self, model: &Model, contacts: &[Contact]) -> bool {
+        let (memory, bodies) = (&self.velocity, &self.bodies);
+        (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, &self.places);
+        self.scales.clear();
+        (self.law, self.frame) = (Law::Binary, Frame::End);
+        let mut rows = RowSystem::default();
+        for b in bodies {
+            rows.push_node(1.0 / b.inv_mass, 1.0 / b.inv_inertia, b.radius);
+        }
+        let (mut springs, mut frames) = (Vec::new(), Vec::new());
+        for &slot in &memory.chosen {
+            let m = &memory.closed[slot as usize];
+            let (t1, t2) = carom_geom::tangent_frame(m.normal);
+            let slides = m.friction > 0.0;
+            let along = [m.normal, t1, t2];
+            let along = &along[..if slides { 3 } else { 1 }];
+            let jac: Vec<[[f64; 6]; 2]> = (along.iter())
+                .map(|&d| {
+                    let turn = d.cross(m.normal);
+                    let side = |d: DVec3, turn: DVec3| [d.x, d.y, d.z, turn.x, turn.y, turn.z];
+                    [side(d, m.arms[0] * turn), side(-d, m.arms[1] * turn)]
+                })
+                .collect();
+            let before = memory.before(m);
+            let z0: Vec<f64> = along.iter().map(|d| d.dot(before)).collect();
+            let bounds = Bounds {
+                sliding: m.friction,
+                ..Bounds::default()
+            };
+            let c = &contacts[m.contact as usize];
+            rows.push_contact(m.a, m.b, bounds, c.length, m.normal.to_array(), &jac, &z0);
+            springs.push(spring(model, c));
+            frames.push([m.normal, t1, t2]);
+        }
+        let Some(lambda) = impulses(&rows, &springs) else {
+            return false;
+        };
+        let (mut force, mut u) = (vec![0.0; 6 * bodies.len()], vec![0.0; 6 * bodies.len()]);
+        rows.impulses(&lambda, &mut force);
+        rows.apply_inverse_mass(&force, &mut u);
+        self.impulses.clear();
+        for (c, frame) in rows.contacts.iter().zip(&frames) {
+            let r = lambda[c.rows()].iter().zip(frame).map(|(l, d)| *l * *d);
+            self.impulses.push(r.sum::<DVec3>().to_array());
+        }
+        self.corrections = u
+            .chunks_exact(6)
+            .map(|u| std::array::from_fn(|k| u[k]))
+            .collect();
+        self.moments.clear();
+        if !self.velocity.turning.is_empty() {
+            self.moments.resize(self.impulses.len(), [0.0; 3]);
+        }
+        self.explained.clear();
+        self.explained.resize(self.impulses.len(), 0.0);
+        true
     }
 
     /// Solves them once more from nothing, without restitution.

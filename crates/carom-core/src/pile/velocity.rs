@@ -11,7 +11,7 @@ use crate::islands::Island;
 use crate::level::speeds::{opening, Speeds};
 use crate::level::Task;
 use crate::model::Model;
-use crate::options::{Impact, Problems};
+use crate::options::Problems;
 use crate::outcome::Level;
 use crate::pile::limits::node;
 use crate::pile::memory::Pile;
@@ -334,6 +334,9 @@ impl ImpactIsland for SphereIsland<'_> {
             || chosen.any(|&slot| self.approaches(slot as usize));
         self.pile.velocity.table.begin_problem(problem, closed);
         self.report.impact_problems += 1;
+        if law == Law::Binary {
+            return self.pile.press(self.model, self.contacts);
+        }
         (self.pile)
             .solve_chosen(model, self.contacts, law, problem, self.report)
             .is_some()
@@ -351,7 +354,7 @@ impl ImpactIsland for SphereIsland<'_> {
 
     fn add(&mut self, problem: u32) {
         let o = &self.model.options;
-        let all = o.loads_once() || o.impact == Impact::Poisson;
+        let all = o.loads_once() || !o.impact.is_newtons();
         self.pile.commit(self.contacts, problem, all);
     }
 

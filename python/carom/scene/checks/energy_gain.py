@@ -163,6 +163,11 @@ def advise_gain(parts: Parts, world: World) -> Iterator[Finding]:
         return
     options = run.options()
     impact = LAWS[options["impact"]]
+    key = "tangential_restitution"
+    for i, contact in parts.contacts():
+        if (e_t := contact.tangential_restitution) and key not in impact.needs:
+            cause = f"{key} = {e_t:g}: the impact law {options['impact']} does not read it"
+            yield Finding(("contact", i, key), cause, "leave it out, or take another impact law")
     printed = impact.restitution == "printed"
     if impact.restitution != "newton" and not printed:
         return

@@ -19,7 +19,7 @@ class ImpactLaw:
     energy: bool
     """Impacts cannot add energy (rule R4) while `energy_safeguard` is on."""
     restitution: str
-    """What a problem with restitution obeys: `newton`, `printed` (as the paper has Newton's law) or `poisson`."""
+    """What a problem with restitution obeys: `newton`, `printed` (Newton's as in the paper), `poisson` or `energetic`."""
     problems: int
     """Impact problems of an island and step at most; 0: as many as its sequence needs."""
     needs: list[str]

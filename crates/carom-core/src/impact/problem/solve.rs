@@ -1,6 +1,7 @@
 //! Solves an impact problem, as it is stated for its chosen contacts.
 
 use crate::contact::Contact;
+use crate::impact::binary::{impulses, spring};
 use crate::impact::coupled::CoupledVelocities;
 use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
@@ -96,6 +97,28 @@ impl ImpactScratch {
             expands |= least > 0.0;
         }
         solved.then_some(expands)
+    }
+
+    /// Lets springs press the chosen contacts from the velocities of t_n on.
+    pub fn press(&mut self, model: &Model, contacts: &[Contact]) -> bool {
+        self.problems += 1;
+        (self.law, self.along_middle) = (Law::Binary, false);
+        self.velocity.clone_from(&self.v_old);
+        self.build(model, contacts, Law::Compression);
+        let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
+        let springs: Vec<[f64; 2]> = self.chosen.iter().map(of).collect();
+        let Some(lambda) = impulses(&self.sub, &springs) else {
+            return false;
+        };
+        self.set_velocities(self.law);
+        self.scale.clear();
+        self.scale.resize(self.chosen.len(), 1.0);
+        self.build(model, contacts, Law::Plastic);
+        self.lambda = lambda;
+        self.balance();
+        self.explained.clear();
+        self.explained.resize(self.chosen.len(), 0.0);
+        true
     }
 
     /// Solves the problem at hand once more from its solution, which stays if it cannot be found more finely.
