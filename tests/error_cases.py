@@ -61,6 +61,14 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + 'sizes = "uniform"\nsmallest = 0.01\nlargest = 0.02\n',
         )
     ],
+    "... = ...: the impact law ... does not read it": [
+        (
+            "tangential_restitution",
+            'step = 1e-3\n\n[world] -> step = 1e-3\nimpact = "binary"\n\n[[material]]\nname = "glass"\n\n'
+            '[[contact]]\nbetween = ["ball", "glass"]\nfriction = 0.1\nrestitution = 0.5\n'
+            "tangential_restitution = 0.2\n\n[world]",
+        )
+    ],
     "both radius and ... are given": [
         ("inflow", INFLOW.replace("mass", "density") + FAR + "diameter = 0.02\n")
     ],

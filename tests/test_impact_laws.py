@@ -1,5 +1,7 @@
 """Every law of the table of impact laws keeps what its row promises, and everybody who asks the table finds it."""
 
+import importlib.util
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -10,12 +12,17 @@ import numpy as np
 import pytest
 from carom import _core
 from carom.audit import check
+from carom.cli.app import app
 from carom.reproduce.citations import SOURCES, sources
+from carom.scene.chains import chain, column
 from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.model import Contact
 from oracle import Reference
 from oracle_scenes import nullity, random_linked_scene, random_scene
 from test_oracle import difference
+from typer.testing import CliRunner
+
+ROOT = Path(__file__).parent.parent
 
 LAW = pytest.mark.parametrize("law", LAWS)
 
@@ -216,3 +223,48 @@ def test_binary_refuses_loads_that_would_answer() -> None:
     scene.drag("a", translation=0.1)
     with pytest.raises(carom.CaromError, match="neither joints nor loads"):
         simulated(scene)
+
+
+# ---------------------------------------------------------------------------------------------- side by side
+
+
+def test_the_page_of_the_laws_is_what_its_command_prints() -> None:
+    spec = importlib.util.spec_from_file_location("impact_laws_page", ROOT / "validation" / "impact_laws.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    number = re.compile(r"(?<![\w.-])[-+]?[0-9]+(?:[.][0-9]+)?(?![\w.])")
+    fresh, page = "".join(module.parts()), module.PAGE.read_text("utf-8")
+    assert number.sub("#", fresh) == number.sub("#", page)
+    found, stated = (np.array([float(x) for x in number.findall(text)]) for text in (fresh, page))
+    np.testing.assert_allclose(found, stated, atol=1.5e-4, rtol=2e-3)
+
+
+def test_laws_are_compared_side_by_side(tmp_path: Path) -> None:
+    found = carom.compare(chain(3), laws="all")
+    assert [run.name for run in found] == [f"nsga+{law}" for law in LAWS]
+    assert found["nsga+poisson"].states["velocity"][-1][:, 0] == pytest.approx([-1 / 3, 2 / 3, 2 / 3])
+    assert found["nsga+sequence"].order == ("1-2", "2-3")
+    assert "impacts, in order" in str(found)
+    with pytest.raises(carom.CaromError, match="not both"):
+        carom.compare(chain(3), "nsga", laws="all")
+    figure = tmp_path / "laws.svg"
+    scenario = ROOT / "scenarios" / "three_balls.toml"
+    arguments = ["compare", str(scenario), "--laws", "sequence,binary", "--plot", str(figure), "-q"]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert "nsga+binary" in done.stdout
+    assert figure.stat().st_size > 0
+
+
+def test_chains_have_the_sizes_and_gaps_that_are_asked_for() -> None:
+    scene = chain(4, taper=0.5, gap=1e-3)
+    x = [s.position[0] for s in scene.spheres]
+    radii = [s.radius for s in scene.spheres]
+    assert radii == pytest.approx([0.01, 0.005, 0.0025, 0.00125])
+    assert np.diff(x) - np.array(radii[1:]) - radii[:-1] == pytest.approx([1e-3] * 3)
+    assert [s.radius for s in chain(4, between=0.002).spheres] == [0.01, 0.002, 0.01, 0.002]
+    result = simulated(chain(3, gap=1e-3))
+    assert result.velocity[-1][:, 0] == pytest.approx([0, 0, 1], abs=1e-9)
+    assert simulated(column(3)).names == ["1", "2", "3"]

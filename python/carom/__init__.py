@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from carom.run.simulate import simulate as simulate
     from carom.run.stepping import Simulation as Simulation
     from carom.scene import billiards as billiards
+    from carom.scene import chains as chains
     from carom.scene import packing as packing
     from carom.scene.examples import example as example
     from carom.scene.scene import Scene as Scene
@@ -74,6 +75,7 @@ _HOMES = {
 _MODULES = {
     "audit": "audit",
     "billiards": "scene.billiards",
+    "chains": "scene.chains",
     "events": "measure.events",
     "granular": "measure.granular",
     "packing": "scene.packing",

@@ -6,7 +6,19 @@ import warnings
 from pathlib import Path
 from typing import Annotated
 
-from carom.cli.options import Case, Json, Scenario, Set, Until, listed, numbers, option, scene
+from carom.cli.options import (
+    Case,
+    Json,
+    Scenario,
+    Set,
+    Until,
+    drawn,
+    listed,
+    numbers,
+    option,
+    refuse_format,
+    scene,
+)
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
 from carom.errors import CaromWarning
@@ -23,6 +35,17 @@ def compare(
             "A,B",
             "Methods; the first is the reference. Options follow a plus sign: moreau+projection, nsga+one-shot."
             " Default: all.",
+        ),
+    ] = None,
+    laws: Annotated[
+        str | None, option("--laws", "A,B", "Compare impact laws instead of methods; all: every law.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        option(
+            "--plot",
+            "FILE",
+            "Also draw the velocities at the end: .png, .svg or .pdf, with the numbers as CSV.",
         ),
     ] = None,
     at: Annotated[
@@ -45,7 +68,9 @@ def compare(
     Example: carom compare three_balls.toml --methods nsga,moreau --at 0.02
     """
     from carom.many.compare import compare as compare_methods
+    from carom.show.plot.comparison import speeds
 
+    refuse_format(plot)
     described = scene(scenario, case, set_, until)
     for advice in described.validate():
         note(f"warning: {advice}")
@@ -54,11 +79,13 @@ def compare(
         found = compare_methods(
             described,
             None if methods is None else listed(methods),
+            laws=None if laws is None else "all" if laws == "all" else listed(laws),
             at=numbers(at or [], "what is no time in s", "--at 0.1,0.2"),
             out=out,
             force=force,
             progress=bar,
         )
+    drawn(speeds, found, plot)
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict()})
     else:

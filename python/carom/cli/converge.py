@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import typer
-
-from carom.cli.options import Case, Json, Scenario, Set, Until, listed, number, numbers, option, scene
+from carom.cli.options import (
+    Case,
+    Json,
+    Scenario,
+    Set,
+    Until,
+    drawn,
+    listed,
+    number,
+    numbers,
+    option,
+    refuse_format,
+    scene,
+)
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.many.sheets import of_convergence
-
-if TYPE_CHECKING:
-    from carom.many.converge import Convergence
 
 
 @guarded
@@ -67,10 +75,10 @@ def converge(
     Example: carom converge 5.5_bernoulli.toml --steps 2e-3,1e-3,5e-4 --reference 1e-5
     """
     from carom.many.converge import converge as study_of
+    from carom.show.plot.convergence import convergence
 
     described = scene(scenario, case, set_, until)
-    if plot is not None:
-        _refuse_format(plot)
+    refuse_format(plot)
     fine = number(reference)
     found = study_of(
         described,
@@ -81,7 +89,7 @@ def converge(
         at=numbers(at or [], example="--at 1e-2,5e-3"),
         threads=threads,
     )
-    files = [str(file) for file in _draw(found, plot)] if plot is not None else []
+    files = drawn(convergence, found, plot)
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict(), "files": files})
     else:
@@ -97,20 +105,3 @@ def converge(
         )
         fail(f"h = {run.h:g} s: {why} at t = {run.steps * run.h:g} s", NOT_CONVERGED)
     return NOT_CONVERGED if failed else DONE
-
-
-def _refuse_format(plot: Path) -> None:
-    from carom.show.plot import FORMATS
-
-    if plot.suffix.removeprefix(".") not in FORMATS:
-        raise typer.BadParameter(f"--plot {plot}: give a name that ends in .{', .'.join(FORMATS)}")
-
-
-def _draw(found: Convergence, plot: Path) -> list[Path]:
-    from carom.show.plot import require_matplotlib
-
-    require_matplotlib()
-    from carom.show.plot.convergence import convergence
-    from carom.show.plot.style import save
-
-    return save(convergence(found), plot.parent, plot.stem, [plot.suffix.removeprefix(".")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
 if TYPE_CHECKING:
     from carom.run.result import Result
     from carom.scene.scene import Scene
+    from carom.show.plot.style import Chart
 
 
 def option(*words: str, **more: Any) -> Any:
@@ -179,3 +181,22 @@ def number(text: str | None) -> Any:
         return None if text is None else float(text)
     except ValueError:
         return text
+
+
+def refuse_format(plot: Path | None) -> None:
+    """Refuses a figure whose name ends in no known format."""
+    from carom.show.plot import FORMATS
+
+    if plot is not None and plot.suffix.removeprefix(".") not in FORMATS:
+        raise typer.BadParameter(f"--plot {plot}: give a name that ends in .{', .'.join(FORMATS)}")
+
+
+def drawn(chart: Callable[[Any], Chart], found: Any, plot: Path | None) -> list[str]:
+    """The files of the chart of what was found, with its numbers; none without a name."""
+    from carom.show.plot import require_matplotlib
+    from carom.show.plot.style import save
+
+    if plot is None:
+        return []
+    require_matplotlib()
+    return [str(file) for file in save(chart(found), plot.parent, plot.stem, [plot.suffix.removeprefix(".")])]

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -30,13 +30,21 @@ from carom.run.summary import plain
 from carom.scene.arguments import renamed
 from carom.scene.plan import Plan
 from carom.scene.scene import Scene
+from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.keywords import Options
+from carom.show.plot import require_matplotlib
+from carom.show.plot.comparison import speeds
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Numbers of a run's summary that stand side by side, as far as the method has them.
 NUMBERS = (
     *("wall_s", "core_s", "steps", "substeps", "halvings", "penetration_max", "penetration_max_relative"),
     *("energy", "iterations", "impact_problems", "unconverged", "fallbacks", "missed_impacts"),
 )
+#: Impacts that a comparison lists, of each run.
+FIRST = 12
 #: Frames of a run that is compared, besides those that are asked for, at most.
 FRAMES = 200
 #: Radii (radii per step) below which a position (velocity) is no size to compare with.
@@ -77,6 +85,8 @@ class MethodRun:
     states: Mapping[str, F64]
     differences: tuple[Difference, ...]
     directory: Path | None
+    order: tuple[str, ...] = ()
+    """The pairs with an impulse in an impact, in the order of steps and impact problems; at most `FIRST`."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON; without the states."""
@@ -85,6 +95,7 @@ class MethodRun:
             "options": dict(self.options),
             "outcome": self.outcome,
             **plain(self.numbers),
+            "order": list(self.order),
             "differences": [vars(d) for d in self.differences],
             "directory": None if self.directory is None else str(self.directory),
         }
@@ -103,6 +114,8 @@ class Comparison:
     bodies: tuple[str, ...]
     runs: tuple[MethodRun, ...]
     case: str | None = None
+    laws: bool = False
+    """Whether impact laws are compared, each as a method of its own."""
     remarks: tuple[str, ...] = ()
     """What a reader must know of it: which method was left out, and why."""
 
@@ -129,6 +142,11 @@ class Comparison:
     def ok(self) -> bool:
         """Whether every run reached its end."""
         return all(run.ok for run in self.runs)
+
+    def plot(self) -> Figure:
+        """Speed of each body at the end by each method, a figure of matplotlib."""
+        require_matplotlib()
+        return speeds(self).figure
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values: the document of `carom compare --json`."""
@@ -193,6 +211,7 @@ def compare(
     scene: Scene | str | Path,
     methods: str | Sequence[str] | None = None,
     *,
+    laws: str | Sequence[str] | None = None,
     at: float | Sequence[float] = (),
     out: str | Path | None = None,
     force: bool = False,
@@ -203,6 +222,7 @@ def compare(
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
+    With `laws` impact laws are compared by the scene's own method: "all", or names such as `("sequence", "poisson")`.
     `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at`
     are times (s, on the grid of the steps) that are compared besides the end. `case` and `parameters` choose a variant of
     a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
@@ -211,6 +231,11 @@ def compare(
     """
     scene = scene_of(scene, "compare", case=case, parameters=parameters)
     at = listed(at)
+    if laws is not None:
+        if methods is not None:
+            raise CaromError("give methods or laws, not both; a method with a law is named as nsga+poisson")
+        found = list(LAWS) if laws == "all" else [laws] if isinstance(laws, str) else list(laws)
+        methods = [f"{scene.run.method}+{law}" for law in found]
     names, remarks = (
         _able(scene) if methods is None else ([methods] if isinstance(methods, str) else list(methods), ())
     )
@@ -248,7 +273,9 @@ def compare(
         runs.append(_measured(name, extra, result, [n // every for n in wanted], runs, sizes, directory))
         result.close()
     times = tuple(n * h for n in wanted)
-    return Comparison(scene.title, h, times, tuple(scene.names), tuple(runs), scene.case, remarks)
+    return Comparison(
+        scene.title, h, times, tuple(scene.names), tuple(runs), scene.case, laws is not None, remarks
+    )
 
 
 def _spacing(most: int, steps: int) -> int:
@@ -299,8 +326,26 @@ def _measured(
     differences = tuple(_differences(times, result.names, states, reference, sizes))
     outcome = str(result.outcome)
     return MethodRun(
-        name, options, outcome, result.outcome.ok, numbers, states, differences if before else (), directory
+        name,
+        options,
+        outcome,
+        result.outcome.ok,
+        numbers,
+        states,
+        differences if before else (),
+        directory,
+        _order(result),
     )
+
+
+def _order(result: Result) -> tuple[str, ...]:
+    table = result.impacts
+    if not len(table):
+        return ()
+    order = np.lexsort((np.asarray(table["problem"]), np.asarray(table["step"])))
+    order = order[np.asarray(table["problem"])[order] > 0][:FIRST]
+    names = [*result.names, *result.scene.wall_names]
+    return tuple("-".join(names[b] for b in pair) for pair in np.asarray(table["body"])[order].tolist())
 
 
 def _differences(

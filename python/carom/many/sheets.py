@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from carom.many.order import pairwise_order
 from carom.many.quantity import QUANTITIES
 from carom.text import WIDTH, columns, seconds, table
@@ -14,6 +16,10 @@ if TYPE_CHECKING:
     from carom.many.compare import Comparison, MethodRun
     from carom.many.converge import Convergence
     from carom.many.order import Order
+
+
+#: Bodies whose velocities a comparison of impact laws lists.
+MOST_BODIES = 20
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,13 @@ def of_comparison(found: Comparison) -> Sheet:
     counts("impulses of impacts", "impacts")
     counts("unconverged", "unconverged")
     counts("fallbacks", "fallbacks")
+    if found.laws:
+        row("impacts, in order", lambda r: " ".join(r.order) or "-")
+        moved = [np.abs(r.states["velocity"][-1]) for r in runs]
+        axes = np.flatnonzero(np.nanmax(moved, axis=(0, 1)) > 1e-9 * np.nanmax(moved))
+        rows.append([f"velocities at {found.times[-1]:g} s (m/s)"])
+        for k, name in enumerate(found.bodies[:MOST_BODIES]):
+            row(f"  {name}", lambda r, k=k: " ".join(f"{r.states['velocity'][-1][k, a]:.5f}" for a in axes))  # type: ignore[misc]
     for time in found.times:
         rows.append([f"off {runs[0].name} at {time:g} s, greatest, and relative"])
         for quantity, (_, unit) in QUANTITIES.items():

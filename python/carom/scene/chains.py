@@ -1,0 +1,95 @@
+"""Rows of balls that one ball hits: the scenes with which impact laws are compared."""
+
+from __future__ import annotations
+
+from carom.errors import CaromError
+from carom.scene.scene import Scene
+
+MATERIAL = "ball"
+
+
+def chain(
+    count: int,
+    *,
+    radius: float = 0.01,
+    taper: float = 1.0,
+    between: float | None = None,
+    gap: float = 0.0,
+    speed: float = 1.0,
+    density: float = 7800.0,
+    friction: float = 0.0,
+    restitution: float = 1.0,
+) -> Scene:
+    """A row of balls along x, "1" to `count`, without gravity; the first one hits the others, which are at rest.
+
+    Lengths in m, `speed` in m/s, `density` in kg/m^3. Each radius is `taper` times the one before; with `between` (m) every
+    second ball has that radius (decorated chain). With `gap` 0 the balls touch, and one step sees the impact; else the
+    run lasts until every gap can have been crossed three times.
+    """
+    radii = _radii(count, radius, taper, between)
+    scene = _empty((0.0, 0.0, 0.0), friction, restitution)
+    x = 0.0
+    for k, r in enumerate(radii):
+        x += (radii[k - 1] + r + gap) if k else 0.0
+        velocity = (speed, 0.0, 0.0) if k == 0 else None
+        scene.sphere(
+            str(k + 1),
+            radius=r,
+            material=MATERIAL,
+            density=density,
+            position=(x, 0.0, 0.0),
+            velocity=velocity,
+        )
+    return _timed(scene, min(radii), speed, 3.0 * gap * (count - 1) / speed)
+
+
+def column(
+    count: int,
+    *,
+    radius: float = 0.01,
+    taper: float = 1.0,
+    speed: float = 1.0,
+    density: float = 7800.0,
+    friction: float = 0.0,
+    restitution: float = 1.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """Balls that stand on one another on a floor, "1" below; the topmost one, `count`, hits them from above.
+
+    Lengths in m, `speed` in m/s, `density` in kg/m^3, `gravity` in m/s^2.
+    """
+    radii = _radii(count, radius, taper, None)
+    scene = _empty((0.0, 0.0, -gravity), friction, restitution)
+    scene.plane("floor", material=MATERIAL, point=(0, 0, 0), normal=(0, 0, 1))
+    z = radii[0]
+    for k, r in enumerate(radii):
+        z += (radii[k - 1] + r) if k else 0.0
+        velocity = (0.0, 0.0, -speed) if k == count - 1 else None
+        scene.sphere(
+            str(k + 1),
+            radius=r,
+            material=MATERIAL,
+            density=density,
+            position=(0.0, 0.0, z),
+            velocity=velocity,
+        )
+    return _timed(scene, min(radii), speed, 0.0)
+
+
+def _radii(count: int, radius: float, taper: float, between: float | None) -> list[float]:
+    if count < 2:
+        raise CaromError(f"count must be at least 2 balls (got {count})")
+    if between is None:
+        return [radius * taper**k for k in range(count)]
+    return [between if k % 2 else radius for k in range(count)]
+
+
+def _empty(gravity: tuple[float, float, float], friction: float, restitution: float) -> Scene:
+    scene = Scene(gravity=gravity)
+    scene.contact(MATERIAL, MATERIAL, friction=friction, restitution=restitution)
+    return scene
+
+
+def _timed(scene: Scene, least: float, speed: float, until: float) -> Scene:
+    step = 1e-3 * least / speed
+    return scene.with_options(step=step, until=max(1.0, round(until / step)) * step)
