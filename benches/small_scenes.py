@@ -13,8 +13,8 @@ import warnings
 from collections.abc import Callable
 
 import carom
+from carom import CaromWarning
 from carom.cli.examples import find
-from carom.errors import CaromWarning
 
 
 def main() -> None:

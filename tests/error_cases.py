@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from carom.scene.scene import Scene
+from carom import Scene
 
 SPHERE = 'material = "ball"\nradius = 0.01\nmass = 1.0\n'
 LATTICE = f'[[lattice]]\nname = "{{0}}"\n{SPHERE}counts = [1000, 600, 1]\norigin = [3,3,3]\n'

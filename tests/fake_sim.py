@@ -33,6 +33,10 @@ def defaults() -> dict[str, Any]:
     return {"step": 1e-3, "method": "nsga", "impact": "sequence", "threads": 1, "delay": 0.0, "fail_at": 0}
 
 
+def impact_laws() -> dict[str, dict[str, Any]]:
+    return {}
+
+
 def choices() -> dict[str, list[str]]:
     return {"method": ["nsga"], "impact": ["sequence"]}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from carom.scene.scene import Scene
+from carom import Scene
 from hypothesis import strategies as st
 
 R = 0.1

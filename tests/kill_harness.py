@@ -28,7 +28,7 @@ import carom
 import h5py
 import kill_scenes
 import numpy as np
-from carom.errors import CaromError
+from carom import CaromError
 from carom.result.directory import RunDir
 from carom.result.record import Segments
 from carom.run import checkpoint

@@ -8,11 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.problem import (
-    GlobalProblem,
-    LocalProblem,
-    cone,
-)
+from carom.problem import GlobalProblem, LocalProblem, cone
 from hypothesis import strategies as st
 
 DIMENSIONS = [2, 3, 5, 6]

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.problem import (
-    ContactProblem,
-)
+from carom import ContactProblem
 from carom.problem.matrix import Csr
 from problem_cases import bounds_of, numbers
 from solver_double import install, sweeps

@@ -10,8 +10,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from carom import CaromWarning
 from carom.cli.summary import text
-from carom.errors import CaromWarning
 from carom.result.remarks import RISE_PILE, remarks
 from carom.scene.checks.energy_gain import Gain, Side, _compliance, largest_gain
 from typer.testing import CliRunner

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from carom.errors import ScenarioError
-from carom.scene.scene import Scene
+from carom import ScenarioError, Scene
 from carom.units import UnitError, parse
 from hypothesis import given
 from hypothesis import strategies as st

@@ -7,7 +7,7 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromError, ScenarioError
+from carom import CaromError, ScenarioError
 from carom.many.threads import Runner
 
 ROOT = Path(__file__).parent.parent

@@ -9,10 +9,8 @@ import carom
 import numpy as np
 import pytest
 from billiards_values import BALL, IDEAL, G, laws
-from carom import billiards, events
-from carom.billiards import LAWS, TABLES, cue_impulse, strike
-from carom.errors import CaromError
-from carom.scene.billiards import table
+from carom import CaromError, billiards, events
+from carom.billiards import LAWS, TABLES, cue_impulse, strike, table
 
 pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 

@@ -14,15 +14,13 @@ import carom
 import numpy as np
 import pytest
 from browser import Browser, find_browser
-from carom import billiards
-from carom.errors import ScenarioError
+from carom import ScenarioError, Scene, billiards
 from carom.export.frames import Selection
 from carom.scene.billiards.look import COLOURS, IVORY, PLAIN, POOL, ball_looks
 from carom.scene.billiards.marked import table_of
 from carom.scene.billiards.shape import Shape
 from carom.scene.billiards.solid import SURFACES, Part, parts
 from carom.scene.billiards.walls import noses
-from carom.scene.scene import Scene
 from carom.show.film.look import Look
 from carom.show.viewer import codec, write_html
 from test_view_page import Page

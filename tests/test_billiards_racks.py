@@ -12,10 +12,8 @@ import carom
 import numpy as np
 import pytest
 from billiards_values import IDEAL
-from carom import billiards, events
-from carom.billiards import LAWS, rack_places, strike
-from carom.errors import CaromError
-from carom.scene.billiards import table
+from carom import CaromError, billiards, events
+from carom.billiards import LAWS, rack_places, strike, table
 from carom.scene.billiards.racks import numbers_of, rows_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")

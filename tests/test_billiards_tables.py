@@ -9,10 +9,8 @@ import carom
 import numpy as np
 import pytest
 from billiards_values import G, laws
-from carom import billiards, events
-from carom.billiards import TABLES, strike
-from carom.errors import CaromError, ScenarioError
-from carom.scene.billiards import table
+from carom import CaromError, ScenarioError, billiards, events
+from carom.billiards import TABLES, strike, table
 from carom.scene.billiards.data import SNOOKER
 from carom.scene.billiards.walls import outlets
 

@@ -16,7 +16,7 @@ import carom
 import kill_scenes
 import numpy as np
 import pytest
-from carom.errors import CaromError, ScenarioError
+from carom import CaromError, ScenarioError
 from carom.run import checkpoint
 from carom.run.sinks import Cadence
 from kill_harness import differences, recorded

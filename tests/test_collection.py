@@ -10,7 +10,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from carom.problem import ContactProblem, GlobalProblem, read_fclib, write_fclib
+from carom import ContactProblem
+from carom.problem import GlobalProblem, read_fclib, write_fclib
 
 FOLDER = Path(__file__).parent / "data" / "contact_problems"
 INDEX: list[dict[str, Any]] = json.loads((FOLDER / "index.json").read_text(encoding="utf-8"))["problems"]

@@ -10,9 +10,9 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from carom import Scene
 from carom.many.order import error_of, order_of
 from carom.many.quantity import Quantity
-from carom.scene.scene import Scene
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"

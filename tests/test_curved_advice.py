@@ -10,7 +10,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromWarning
+from carom import CaromWarning
 from carom.result.remarks import remarks
 
 SCENES = Path(__file__).parent / "data" / "wrong_cases"

@@ -9,7 +9,7 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromWarning
+from carom import CaromWarning
 from carom.result.remarks import MORE, remarks
 from typer.testing import CliRunner
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import carom
 import error_catalogue
 import pytest
-from carom.errors import Problem, ScenarioError
+from carom import ScenarioError, Scene
+from carom.errors import Problem
 from carom.problem import ContactProblemError
-from carom.scene.scene import Scene
 from carom.scene.toml import load
 from error_cases import CALLED, PIECES
 from error_catalogue import Message, messages

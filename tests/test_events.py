@@ -5,8 +5,7 @@ from __future__ import annotations
 import carom
 import numpy as np
 import pytest
-from carom import events
-from carom.errors import CaromError
+from carom import CaromError, events
 from carom.result.record import Column
 
 R, G, MU = 0.028575, 9.8, 0.2

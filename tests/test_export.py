@@ -14,8 +14,8 @@ import carom
 import h5py
 import numpy as np
 import pytest
+from carom import CaromError
 from carom.cli.app import app
-from carom.errors import CaromError
 from carom.export import FORMATS
 from carom.export.atomic import whole_file, whole_folder
 from typer.testing import CliRunner

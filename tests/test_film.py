@@ -12,8 +12,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from carom import CaromError
 from carom.cli.app import app
-from carom.errors import CaromError
 from carom.export.frames import Selection
 from carom.show.film import camera
 from carom.show.film.look import CAMERAS, Look

@@ -10,10 +10,9 @@ import carom
 import h5py
 import numpy as np
 import pytest
+from carom import CaromWarning, Scene
 from carom.cli.summary import text
-from carom.errors import CaromWarning
 from carom.result.remarks import remarks
-from carom.scene.scene import Scene
 
 R = 0.009
 RATE = 60.0

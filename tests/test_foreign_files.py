@@ -16,8 +16,8 @@ import carom
 import h5py
 import numpy as np
 import pytest
+from carom import CaromError
 from carom.cli.app import app
-from carom.errors import CaromError
 from typer.testing import CliRunner
 
 SCENARIO = Path(carom.__file__).parent / "scenarios" / "three_balls.toml"

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.result.record import Segments
 from trials import Trials
 

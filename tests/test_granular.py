@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from carom import granular
-from carom.errors import CaromError
+from carom import CaromError, granular
 from carom.granular import Ball, Box, Contacts, Cylinder, Snapshot, cells, layers
 from carom.measure.granular.contact import components
 from carom.measure.granular.cut import WHOLE, cap, corner, edge

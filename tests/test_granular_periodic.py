@@ -9,8 +9,7 @@ from __future__ import annotations
 import carom
 import numpy as np
 import pytest
-from carom import granular
-from carom.errors import CaromError
+from carom import CaromError, granular
 from carom.granular import Ball, Box, Contacts, Cylinder, Snapshot
 from carom.measure.granular.nearest import middle
 from carom.scene.packing.neighbours import pairs, separation

@@ -7,8 +7,7 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
-from carom import granular
-from carom.errors import CaromError
+from carom import CaromError, granular
 from carom.granular import Box, layers
 
 R, G, N = 0.01, 9.8, 4

@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from carom import granular
-from carom.errors import CaromError
+from carom import CaromError, granular
 from carom.granular import Cylinder, Snapshot
 from carom.packing import Equal, Packed, pack
 

@@ -8,8 +8,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from carom.errors import ScenarioError
-from carom.scene.scene import Scene
+from carom import ScenarioError, Scene
 from carom.scene.toml.schema import json_schema
 from hypothesis import given
 from hypothesis import strategies as st

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from carom.errors import ScenarioError
-from carom.scene.scene import Scene
+from carom import ScenarioError, Scene
 from joint_format_scenes import R, balls
 
 HEAD = """\

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.errors import ScenarioError
-from carom.scene.scene import Scene
+from carom import ScenarioError, Scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from joint_format_scenes import TURNED, X, Z, balls, unit_quaternion, vectors

@@ -14,7 +14,7 @@ import kill_harness
 import kill_scenes
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.run import checkpoint
 from kill_harness import Whole, differences, examine, finish, of_one_build, recorded
 from trials import Trials

@@ -10,11 +10,10 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from carom.errors import CaromError, ScenarioError
+from carom import CaromError, ScenarioError, Scene
 from carom.result.directory import RunDir
 from carom.run import changes
 from carom.scene.assembly.arrays import identify
-from carom.scene.scene import Scene
 from carom.scene.tables.laws import slope_at_start, value_at
 from carom.scene.toml.literal import literal
 from carom.scene.toml.schema import json_schema

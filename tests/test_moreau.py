@@ -10,10 +10,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromWarning
+from carom import CaromWarning, Result, Scene
 from carom.many.order import error_of, order_of
-from carom.run.result import Result
-from carom.scene.scene import Scene
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 GRAVITY, RADIUS, MASS = 9.8, 0.02, 0.1

@@ -12,10 +12,8 @@ import carom
 import joint_scenes
 import numpy as np
 import pytest
-from carom import _core
+from carom import CaromWarning, Scene, _core
 from carom.cli import main
-from carom.errors import CaromWarning
-from carom.scene.scene import Scene
 
 H = 1e-3
 

@@ -9,8 +9,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from carom.errors import ScenarioError
-from carom.scene.scene import Scene
+from carom import ScenarioError, Scene
 from carom.scene.toml.load import parse
 from carom.scene.toml.schema import json_schema
 

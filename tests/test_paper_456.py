@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from carom import CaromError, Scene
-from carom.measure.events import hits
+from carom.events import hits
 from carom.reproduce import study
 from carom.reproduce.analytic.approach import Approach
 from carom.reproduce.analytic.bernoulli import Bernoulli

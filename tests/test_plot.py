@@ -14,8 +14,8 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
 
+from carom import CaromError
 from carom.cli.examples import find
-from carom.errors import CaromError
 from carom.show.plot import KINDS
 from carom.show.plot.solver import hardest_step, quadratic
 from carom.show.plot.style import COLOURS

@@ -8,13 +8,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.problem import (
-    ContactProblem,
-    ContactProblemError,
-    LocalProblem,
-    cone,
-    residual_of,
-)
+from carom import ContactProblem
+from carom.problem import ContactProblemError, LocalProblem, cone, residual_of
 from hypothesis import given
 from hypothesis import strategies as st
 from problem_cases import DIMENSIONS, a_problem, bounds_of, numbers, one_ball, seeds

@@ -13,9 +13,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError, ContactProblem
 from carom.problem import (
-    ContactProblem,
     ContactProblemError,
     ContactProblemWarning,
     Csr,

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError, ContactProblem
 from carom.problem import (
-    ContactProblem,
     ContactProblemError,
     ContactProblemWarning,
     Csr,

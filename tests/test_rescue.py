@@ -8,7 +8,7 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 
 WEDGED = Path(__file__).parent / "data" / "wedged" / "position.toml"
 

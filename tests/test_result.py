@@ -15,7 +15,7 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.result.record import Column, reader
 from hypothesis import given
 from hypothesis import strategies as st

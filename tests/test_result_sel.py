@@ -11,7 +11,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.result.kinematics import chosen_frames
 
 ROOT = Path(__file__).parent.parent

@@ -13,7 +13,7 @@ from typing import Any
 import carom
 import fake_sim
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.result.record import Rows
 from carom.run import checkpoint
 from carom.run.sinks import Progress

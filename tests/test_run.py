@@ -16,7 +16,7 @@ import fake_sim
 import h5py
 import numpy as np
 import pytest
-from carom.errors import CaromError, CaromWarning
+from carom import CaromError, CaromWarning
 from carom.result.directory import RunDir
 from carom.result.record import Rows, Segments, Writer
 from carom.run import checkpoint

@@ -10,10 +10,9 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from carom import _core
+from carom import CaromError, ContactProblem, _core
 from carom.cli.examples import find
-from carom.errors import CaromError
-from carom.problem import ContactProblem, ContactProblemError, GlobalProblem
+from carom.problem import ContactProblemError, GlobalProblem
 from carom.problem.kept import ROWS, frames, multipliers, state
 from carom.problem.run_files import file_name, kept_files, write_kept
 from carom.run.problems import Choice

@@ -15,8 +15,7 @@ import carom
 import jsonschema
 import numpy as np
 import pytest
-from carom import _core, units
-from carom.scene.scene import Scene
+from carom import Scene, _core, units
 from carom.scene.tables.model import REPEATED, SINGLE, Scenario
 from carom.scene.tables.options import OPTIONS, Run
 from carom.scene.toml.schema import json_schema

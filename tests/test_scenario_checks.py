@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from carom import simulate
-from carom.errors import CaromWarning, ScenarioError
+from carom import CaromWarning, ScenarioError, Scene, simulate
 from carom.scene.checks.moving_walls import first_jump
 from carom.scene.checks.overlap import overlaps
-from carom.scene.scene import Scene
 from carom.scene.tables.laws import LawValue
 from hypothesis import given, settings
 from hypothesis import strategies as st

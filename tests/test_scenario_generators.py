@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from carom.errors import ScenarioError
+from carom import ScenarioError, Scene
 from carom.scene.assembly.bodies import lattice_centres, rack_centres, uniform
 from carom.scene.checks.overlap import overlaps
-from carom.scene.scene import Scene
 from carom.scene.tables.balls import Lattice, Rack
 from hypothesis import given
 from hypothesis import strategies as st

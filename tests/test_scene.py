@@ -11,9 +11,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom import _core
-from carom.errors import CaromError, ScenarioError
-from carom.scene.scene import Scene
+from carom import CaromError, ScenarioError, Scene, _core
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

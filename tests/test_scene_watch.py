@@ -8,7 +8,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.events import AtRest
 from carom.run.watch import View
 

@@ -14,15 +14,8 @@ import h5py
 import numpy as np
 import pytest
 import solve_cases
-from carom.errors import CaromError
-from carom.problem import (
-    ContactProblem,
-    ContactProblemError,
-    GlobalProblem,
-    Profile,
-    SolveFailed,
-    solvers,
-)
+from carom import CaromError, ContactProblem
+from carom.problem import ContactProblemError, GlobalProblem, Profile, SolveFailed, solvers
 from hypothesis import given, settings
 from problem_cases import FILES, needs_published, one_ball, seeds
 from solve_cases import bodies, chain, easy, unlucky

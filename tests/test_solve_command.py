@@ -12,11 +12,8 @@ import h5py
 import numpy as np
 import pytest
 import solve_cases
-from carom.problem import (
-    ContactProblem,
-    GlobalProblem,
-    write_fclib,
-)
+from carom import ContactProblem
+from carom.problem import GlobalProblem, write_fclib
 from solve_cases import unlucky
 from solver_double import RULE, install, sweeps
 from test_cli import Answer, cli

@@ -10,8 +10,7 @@ import audit_rods
 import carom
 import numpy as np
 import pytest
-from carom import audit
-from carom.errors import CaromWarning
+from carom import CaromWarning, audit
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]

@@ -9,8 +9,8 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from carom import CaromError
 from carom.cli.app import app
-from carom.errors import CaromError
 from carom.many.sweep.design import Axis, Design
 from sweep_studies import SCENARIO, STUDY, written
 from typer.testing import CliRunner

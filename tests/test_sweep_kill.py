@@ -15,7 +15,7 @@ from typing import Any
 
 import carom
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from sweep_studies import STUDY, written
 
 COMMAND = [sys.executable, "-m", "carom", "sweep", "--no-plots"]

@@ -9,8 +9,8 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
+from carom import CaromError
 from carom.cli.app import app
-from carom.errors import CaromError
 from sweep_studies import STUDY, written
 from typer.testing import CliRunner
 

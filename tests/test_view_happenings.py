@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.scene.scene import Scene
+from carom import Scene
 from carom.show.viewer import codec, write_html
 from carom.show.viewer import happenings as module
 from test_view_page import Page

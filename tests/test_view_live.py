@@ -15,7 +15,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.show.viewer.live import HOST
 from carom.show.viewer.live_shapes import ball_halves
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom.errors import CaromError
+from carom import CaromError
 from carom.show.viewer import codec, write_html
 from carom.show.viewer import page as view_page
 from carom.show.viewer.page import MIN_FRAMES

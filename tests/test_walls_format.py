@@ -10,15 +10,14 @@ import carom
 import jsonschema
 import numpy as np
 import pytest
+from carom import ScenarioError, Scene
 from carom.audit.surfaces import Surface
-from carom.errors import ScenarioError
 from carom.result.record.walls import PARAMETERS
 from carom.scene.assembly.arrays import walls
 from carom.scene.assembly.bodies import expand
 from carom.scene.assembly.distances import gaps
 from carom.scene.assembly.placing import placed_walls
 from carom.scene.checks.overlap import overlaps
-from carom.scene.scene import Scene
 from carom.scene.tables.walls import PLANE, WALLS
 from carom.scene.toml.schema import json_schema
 

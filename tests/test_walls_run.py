@@ -11,13 +11,11 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from carom import audit
-from carom.errors import CaromError
+from carom import CaromError, Scene, audit
 from carom.result.tables import UnknownName
 from carom.result.walls import Poses
 from carom.scene.assembly.arrays import walls
 from carom.scene.assembly.placing import motion_for_core
-from carom.scene.scene import Scene
 
 G = 9.8
 R = 0.01

@@ -7,8 +7,7 @@ from typing import Any
 
 import carom
 import pytest
-from carom import events, granular, packing
-from carom.errors import CaromError
+from carom import CaromError, events, granular, packing
 from carom.show.film.look import Look
 
 BOX = granular.Box((0, 0, 0), (1, 1, 1))

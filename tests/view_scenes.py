@@ -6,9 +6,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from carom import Scene
 from carom.result.record.walls import tables
 from carom.result.walls import Walls
-from carom.scene.scene import Scene
 
 RADIUS = 0.028575
 STEP = 2e-3

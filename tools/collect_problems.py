@@ -21,8 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import carom
-from carom import _core
-from carom.errors import CaromWarning
+from carom import CaromWarning, _core
 from carom.problem import GlobalProblem, rank_of, residual_of, write_fclib
 from carom.problem.kept import describe, multipliers, state
 from carom.problem.run_files import origin

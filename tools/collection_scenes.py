@@ -13,7 +13,7 @@ from typing import Any
 
 import carom
 import numpy as np
-from carom.errors import CaromWarning
+from carom import CaromWarning
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]

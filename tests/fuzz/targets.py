@@ -21,11 +21,9 @@ from typing import Any
 import carom
 import carom.packing
 import numpy as np
-from carom import _core
-from carom.errors import CaromError, ScenarioError
+from carom import CaromError, ScenarioError, Scene, _core
 from carom.problem.fclib import read_fclib
 from carom.run import checkpoint
-from carom.scene.scene import Scene
 
 from fuzz.material import FILES, RUN
 

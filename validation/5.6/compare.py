@@ -18,9 +18,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
-from carom.errors import CaromWarning
+from carom import CaromWarning, Result
 from carom.reproduce import demo
-from carom.run.result import Result
 from common import SCENARIOS, model_of, run, table
 from measure import BALLS, LAWS, SCENARIO
 

@@ -21,8 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
-from carom import granular
-from carom.run.result import Result
+from carom import Result, granular
 from common import table
 
 SCENE = Path(__file__).parent / "poured.toml"

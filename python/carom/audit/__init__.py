@@ -8,7 +8,6 @@ option that would record it. `docs/reference/audit.md` states all laws and bound
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,15 +27,12 @@ from carom.audit import (
     works,
 )
 from carom.audit.block import blocks
-from carom.audit.data import read
+from carom.audit.data import Run, read
 from carom.audit.near import near
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import rerun
 from carom.result.remarks import remarks
-
-if TYPE_CHECKING:
-    from carom.audit.data import Run
-    from carom.run.result import Result
+from carom.run.result import Result
 
 __all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check", "rerun"]
 

@@ -10,7 +10,7 @@ import warnings
 from copy import copy
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,11 @@ from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
 from carom.result.record.walls import tables
-from carom.run.result import UnfinishedRun, load
+from carom.run.result import Result, UnfinishedRun, load
 from carom.scene.assembly.held_apart import HeldApart, held_apart
 from carom.scene.scene import Scene
 from carom.scene.tables.impact_laws import LAWS, ImpactLaw
 from carom.scene.tables.options import MOST_PROBLEMS
-
-if TYPE_CHECKING:
-    from carom.run.result import Result
-
 
 LEVELS = ("smooth", "position", "velocity")
 

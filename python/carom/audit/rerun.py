@@ -12,20 +12,17 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from carom.arrays import Array
 from carom.errors import CaromError
+from carom.result.record import Record
 from carom.result.record.layout import SOMETIMES, TABLES
-from carom.run.result import UnfinishedRun, load
+from carom.run.result import Result, UnfinishedRun, load
 from carom.run.simulate import RunFailed, simulate
 from carom.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from carom.result.record import Record
-    from carom.run.result import Result
 
 #: Bytes that are compared at a time.
 CHUNK = 32 * 1024 * 1024

@@ -12,18 +12,15 @@ import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from carom.errors import CaromError, CaromWarning
 from carom.many.batch_result import Batch
 from carom.many.cases import Overrides, Values
 from carom.many.threads import Runner
 from carom.run.simulate import scene_of
-from carom.run.watch import Watch
-
-if TYPE_CHECKING:
-    from carom.run.watch import Stop
-    from carom.scene.scene import Scene
+from carom.run.watch import Stop, Watch
+from carom.scene.scene import Scene
 
 
 def simulate_batch(

@@ -8,13 +8,10 @@ degrees; cushions and other balls in the way are not looked at.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from carom.errors import CaromError
 from carom.scene.billiards.arguments import angle
-
-if TYPE_CHECKING:
-    from carom.scene.tables.balls import Sphere
+from carom.scene.tables.balls import Sphere
 
 Place = tuple[float, float]
 

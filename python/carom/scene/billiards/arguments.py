@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from carom.errors import CaromError
 from carom.scene.tables.balls import Sphere
 from carom.units import UnitError, parse
-
-if TYPE_CHECKING:
-    from carom.scene.tables.balls import Sphere
 
 
 def number(

@@ -35,7 +35,6 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,10 +42,7 @@ from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.scene.billiards.arguments import angle, number, sphere, vector
 from carom.scene.billiards.data import TIPS
-
-if TYPE_CHECKING:
-    from carom.scene.tables.balls import Sphere
-
+from carom.scene.tables.balls import Sphere
 
 CUE_MASS = 19 * 0.028349523125
 """A cue of 19 oz, kg."""
