@@ -100,7 +100,7 @@ def parts() -> Iterator[str]:
     yield (
         "\nThe sequence sends one ball away, as a row with gaps does. `one-shot` and `poisson` spread the\n"
         "impulse over all balls. Stiff contacts do neither: the last ball takes nearly all, and the first\n"
-        "ones go back. `binary` is that limit.\n"
+        "ones go back. `compliant` is that limit.\n"
     )
     yield "\n![Velocities of ten balls by each law](impact_laws.svg)\n"
     yield f"\nFive balls, e = 0.9:\n\n{side_by_side(chain(5, restitution=0.9), 0)}"

@@ -1,7 +1,8 @@
 """Velocity level: the sequence of impact problems of one island (sections 5 and 7 of the specification; eqs. 24-29).
 
 `sequence` (load offset in stage 0, rules R2-R4), `sequence-paper` (the paper as printed), `one-shot` (one simultaneous
-problem with Newton's law), `poisson` (compression, then expansion) and `binary` (stiff springs).
+problem with Newton's law), `poisson` (compression, then expansion) `compliant` and `binary`
+(stiff springs).
 """
 
 import itertools
@@ -10,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from .binary import spring_impulses
+from .compliant import spring_impulses
 from .contact import Impulse, to_world
 from .island import Island as Island
 from .island import connected
@@ -247,7 +248,7 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
             result.problems.append(record)
         elif island.model.options.impact == "poisson":
             impulses = _poisson(island, impact_problem, tolerance, result)
-        elif island.model.options.impact == "binary" and len(island.elements) > 1:
+        elif island.model.options.impact in ("compliant", "binary") and len(island.elements) > 1:
             impulses = _binary(island, impact_problem, tolerance, result)
         else:
             impulses = _sequence(island, impact_problem, tolerance, result)

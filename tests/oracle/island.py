@@ -233,7 +233,7 @@ class Island:
             # zero means never: the unclipped law of the paper knows separating pre-impact velocities
             if threshold == 0.0 or -approach[i] >= threshold:
                 result[n] = law.restitution * (approach[i] if paper else min(0.0, approach[i]))
-            restores = e.slides and self.model.options.impact != "binary"
+            restores = e.slides and self.model.options.impact not in ("compliant", "binary")
             if restores and (paper or approach[i] < -tolerance[i]):
                 rows = slice(n + 1, n + 3)
                 result[rows] = law.tangential_restitution * (self.gradient[rows] @ u_minus)

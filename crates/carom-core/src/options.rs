@@ -111,7 +111,9 @@ named_choice! {
         OneShot = "one-shot",
         /// Compression, then expansion (Poisson).
         Poisson = "poisson",
-        /// Stiff springs in all contacts at once (Liu, Zhao and Brogliato).
+        /// Stiff Hertz springs in all contacts at once.
+        Compliant = "compliant",
+        /// The same without the gaps that open meanwhile (Liu, Zhao and Brogliato).
         Binary = "binary",
     }
 }

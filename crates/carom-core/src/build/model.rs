@@ -5,7 +5,7 @@ use crate::force::Dependence;
 use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
-use crate::options::{Impact, Options};
+use crate::options::Options;
 use crate::outcome::{entry, finite, positive, ModelError};
 use crate::wall::{self, checked, Shape, Wall};
 use carom_solve::Bounds;
@@ -47,11 +47,11 @@ impl Model {
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         let links = compile_links(input)?;
-        if options.impact == Impact::Binary && !(input.joints.is_empty() && input.loads.is_empty())
-        {
-            let text =
-                "is binary, which knows neither joints nor loads but weight; take another law";
-            return Err(ModelError::option("impact", text.to_owned()));
+        let free = input.joints.is_empty() && input.loads.is_empty();
+        if options.impact.has_springs() && !free {
+            let name = options.impact.name();
+            let text = "which knows neither joints nor loads but weight; take another law";
+            return Err(ModelError::option("impact", format!("is {name}, {text}")));
         }
         let model = Model {
             gravity: DVec3::from(input.gravity),

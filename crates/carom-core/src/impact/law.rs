@@ -29,7 +29,7 @@ pub enum Law {
     Compression,
     Expansion,
     /// Springs: the impact as a whole, from the velocities of t_n.
-    Binary,
+    Springs,
     /// As the paper prints it: normal of n, not clipped, e_T always.
     Printed,
 }
@@ -37,12 +37,15 @@ pub enum Law {
 impl Law {
     /// Whether restitution acts, and the energy safeguard looks at it. (As printed there is none.)
     pub fn has_restitution(self) -> bool {
-        matches!(self, Law::First | Law::Later | Law::Expansion | Law::Binary)
+        matches!(
+            self,
+            Law::First | Law::Later | Law::Expansion | Law::Springs
+        )
     }
 
     /// Whether the energy of its problem counts from the loads on, with impulses of earlier problems.
     pub fn is_first(self) -> bool {
-        matches!(self, Law::First | Law::Expansion | Law::Binary)
+        matches!(self, Law::First | Law::Expansion | Law::Springs)
     }
 
     /// Of a contact with `[e_N, e_T]` that approaches by `approach` (m/s, negative: it closes): what is added to the normal
@@ -50,7 +53,7 @@ impl Law {
     #[inline]
     pub fn terms(self, [e_n, e_t]: [f64; 2], approach: f64, o: &Options, tol: f64) -> [f64; 2] {
         match self {
-            Law::Plastic | Law::Compression | Law::Expansion | Law::Binary => [0.0; 2],
+            Law::Plastic | Law::Compression | Law::Expansion | Law::Springs => [0.0; 2],
             Law::Printed => [e_n * approach, e_t],
             Law::First | Law::Later => {
                 let slow = -approach < o.restitution_threshold;

@@ -2,7 +2,7 @@
 //!
 //! A new law is a variant of [`Impact`], a row of [`Impact::facts`] and an arm of [`solve`]; the compiler asks for both.
 
-use super::binary::through_springs;
+use super::compliant::through_springs;
 use super::poisson::compress_and_expand;
 use super::sequence::{as_printed, loads_first, one_shot, ImpactIsland};
 use crate::options::Impact;
@@ -40,6 +40,17 @@ pub struct LawFacts {
     pub cite: &'static [&'static str],
 }
 
+const SPRINGS: LawFacts = LawFacts {
+    summary: "all contacts are stiff Hertz springs until the balls are apart",
+    advice: "for chains and clusters of some hundred balls of one material",
+    loads_first: true,
+    energy: true,
+    restitution: Restitution::Energetic,
+    problems: 2,
+    needs: &["friction", "restitution"],
+    cite: &["binary"],
+};
+
 const NEWTON: &[&str] = &["friction", "restitution", "tangential_restitution"];
 
 impl Impact {
@@ -64,6 +75,11 @@ impl Impact {
     /// Whether a lone contact obeys it, which has a closed form. (Energetic restitution is the same there.)
     pub const fn has_closed_form(self) -> bool {
         !matches!(self.facts().restitution, Restitution::Poisson)
+    }
+
+    /// Whether springs take the place of its first problem.
+    pub const fn has_springs(self) -> bool {
+        matches!(self.facts().restitution, Restitution::Energetic)
     }
 
     /// Whether it reads tangential restitution.
@@ -114,15 +130,11 @@ impl Impact {
                 needs: NEWTON,
                 cite: &["poisson"],
             },
+            Impact::Compliant => SPRINGS,
             Impact::Binary => LawFacts {
-                summary: "all contacts are stiff Hertz springs until the impact is over",
-                advice: "for chains and clusters of some hundred balls of one material",
-                loads_first: true,
-                energy: true,
-                restitution: Restitution::Energetic,
-                problems: 2,
-                needs: &["friction", "restitution"],
-                cite: &["binary"],
+                summary: "the same, but what opens may close again at once",
+                advice: "to compare with the law of Liu, Zhao and Brogliato",
+                ..SPRINGS
             },
         }
     }
@@ -136,6 +148,6 @@ pub fn solve(law: Impact, island: &mut impl ImpactIsland) -> bool {
         Impact::SequencePaper => as_printed(island),
         Impact::OneShot => one_shot(island),
         Impact::Poisson => compress_and_expand(island),
-        Impact::Binary => through_springs(island),
+        Impact::Compliant | Impact::Binary => through_springs(island),
     }
 }

@@ -4,7 +4,7 @@
 //! much restitution is left where it would give energy, `table.rs` collects what they give. Contacts are held as spheres in `pile`, or as rows here:
 //! `problem.rs` states and solves one problem over chosen contacts, `coupled.rs` adds joints and loads to it.
 
-pub mod binary;
+pub mod compliant;
 mod coupled;
 pub mod energy;
 pub mod law;

@@ -160,7 +160,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
             return true;
         }
         let (model, scratch) = (self.model, &mut *self.scratch);
-        if law == Law::Binary {
+        if law == Law::Springs {
             return self.work.press(model, scratch.contacts);
         }
         (self.work).solve_chosen(model, scratch, law, problem, warm.as_deref(), self.report)

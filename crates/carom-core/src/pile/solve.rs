@@ -3,7 +3,7 @@
 use super::closed_contact::{ClosedContact, Frame};
 use super::{chunks, roll};
 use crate::contact::Contact;
-use crate::impact::binary::{impulses, spring};
+use crate::impact::compliant::{impulses, spring};
 use crate::impact::law::{expansion, Law};
 use crate::model::Model;
 use crate::pile::limits::{budget, finer, tolerance, worst, CLOSING_LEFT, PATIENCE};
@@ -103,7 +103,7 @@ impl Pile {
         let (memory, bodies) = (&self.velocity, &self.bodies);
         (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, &self.places);
         self.scales.clear();
-        (self.law, self.frame) = (Law::Binary, Frame::End);
+        (self.law, self.frame) = (Law::Springs, Frame::End);
         let mut rows = RowSystem::default();
         for b in bodies {
             rows.push_node(1.0 / b.inv_mass, 1.0 / b.inv_inertia, b.radius);
@@ -133,7 +133,7 @@ impl Pile {
             springs.push(spring(model, c));
             frames.push([m.normal, t1, t2]);
         }
-        let Some(lambda) = impulses(&rows, &springs) else {
+        let Some(lambda) = impulses(&rows, &springs, model.options.impact) else {
             return false;
         };
         let (mut force, mut u) = (vec![0.0; 6 * bodies.len()], vec![0.0; 6 * bodies.len()]);

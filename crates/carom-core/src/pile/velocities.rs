@@ -91,7 +91,7 @@ impl Velocities {
     pub fn measures(&self, model: &Model, m: &ClosedContact, law: Law) -> DVec3 {
         let z = self.now(m);
         match law {
-            Law::Plastic | Law::Binary => return z,
+            Law::Plastic | Law::Springs => return z,
             Law::Compression => return self.before(m),
             Law::Expansion => return z + m.expansion.0,
             _ => {}

@@ -334,7 +334,7 @@ impl ImpactIsland for SphereIsland<'_> {
             || chosen.any(|&slot| self.approaches(slot as usize));
         self.pile.velocity.table.begin_problem(problem, closed);
         self.report.impact_problems += 1;
-        if law == Law::Binary {
+        if law == Law::Springs {
             return self.pile.press(self.model, self.contacts);
         }
         (self.pile)

@@ -19,7 +19,14 @@ class Options(TypedDict, total=False):
     tolerance_floor: float | str
     gap_tolerance: float | str
     touching_tolerance: float | str
-    impact: Literal["sequence", "sequence-paper", "one-shot", "poisson", "binary"]
+    impact: Literal[
+        "sequence",
+        "sequence-paper",
+        "one-shot",
+        "poisson",
+        "compliant",
+        "binary",
+    ]
     position_friction: Literal["paper", "once"]
     max_problems: int
     closing_tolerance_load: float | str

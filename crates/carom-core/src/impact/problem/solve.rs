@@ -1,7 +1,7 @@
 //! Solves an impact problem, as it is stated for its chosen contacts.
 
 use crate::contact::Contact;
-use crate::impact::binary::{impulses, spring};
+use crate::impact::compliant::{impulses, spring};
 use crate::impact::coupled::CoupledVelocities;
 use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
@@ -102,12 +102,12 @@ impl ImpactScratch {
     /// Lets springs press the chosen contacts from the velocities of t_n on.
     pub fn press(&mut self, model: &Model, contacts: &[Contact]) -> bool {
         self.problems += 1;
-        (self.law, self.along_middle) = (Law::Binary, false);
+        (self.law, self.along_middle) = (Law::Springs, false);
         self.velocity.clone_from(&self.v_old);
         self.build(model, contacts, Law::Compression);
         let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
         let springs: Vec<[f64; 2]> = self.chosen.iter().map(of).collect();
-        let Some(lambda) = impulses(&self.sub, &springs) else {
+        let Some(lambda) = impulses(&self.sub, &springs, model.options.impact) else {
             return false;
         };
         self.set_velocities(self.law);

@@ -1,21 +1,21 @@
-//! Binary collisions that overlap (Liu, Zhao and Brogliato, Proc. R. Soc. A 464, 3193, 2008): Hertz contacts in the limit of stiffness.
-//!
-//! Bodies stay where they are, contacts are springs `F = k d^(3/2)` with Coulomb friction, and the impact lasts until nothing is compressed and
+//! Impact through Hertz springs in the limit of stiffness. Bodies stay where they are, contacts are springs `F = k d^(3/2)` with Coulomb friction, and the impact lasts until nothing is compressed and
 //! nothing closes. Only ratios of the stiffnesses matter, `k` goes with `sqrt(R)` of both curvatures. Energetic restitution: with `v` the
 //! normal velocity
 //!
 //! ```text
-//! d' = -v         while v < 0,
-//! d' = -v / e^2   while v > 0:  of the work that went in, e^2 comes back.
+//! d' = -v / e^2   while d > 0 and v > 0:  of the work that went in, e^2 comes back,
+//! d' = -v         else.
 //! ```
 //!
-//! The law is stated with the impulse of one contact as the time, `dP_j/dP_i = F_j/F_i`; `dP = F dt` is the same system, and regular where an impact
-//! begins. Half a drift, a kick, half a drift; friction of a kick is implicit, so that what sticks stays.
+//! By `compliant` d may be a gap, of the size of the compressions. By `binary` it is never below 0, and what has opened may close again at once: the
+//! law of Liu, Zhao and Brogliato (Proc. R. Soc. A 464, 3193, 2008). They take an impulse as the time, `dP_j/dP_i = F_j/F_i`; `dP = F dt` is the same
+//! system, and regular where an impact begins. Half a drift, a kick, half a drift; friction of a kick is implicit, so that what sticks stays.
 
 use super::law::Law;
 use super::sequence::{loads, loads_first, solve_problem, ImpactIsland, Start};
 use crate::contact::Contact;
 use crate::model::Model;
+use crate::options::Impact;
 use carom_solve::rows::{RowSystem, NODE_DOF};
 
 /// Steps for each unit `(m/k)^(2/5) v^(-1/5)` of time, of which a free collision takes 3.2. The error goes with its square: at 500 the last of ten
@@ -38,7 +38,7 @@ pub fn through_springs(island: &mut impl ImpactIsland) -> bool {
     if loads(island).is_none() {
         return false;
     }
-    for (problem, law) in [(1, Law::Binary), (2, Law::Plastic)] {
+    for (problem, law) in [(1, Law::Springs), (2, Law::Plastic)] {
         if !island.flags(|slot| island.closes(slot)).contains(&true) {
             return true;
         }
@@ -63,11 +63,12 @@ pub fn spring(model: &Model, c: &Contact) -> [f64; 2] {
 }
 
 /// Impulses of an impact, per row: `system` has the measures before it, `springs` what [`spring`] says. Nothing: it did not end.
-pub fn impulses(system: &RowSystem, springs: &[[f64; 2]]) -> Option<Vec<f64>> {
+pub fn impulses(system: &RowSystem, springs: &[[f64; 2]], law: Impact) -> Option<Vec<f64>> {
     let contacts = &system.contacts;
-    let mut at = Impact {
+    let mut at = Springs {
         system,
         springs,
+        keeps_gaps: law == Impact::Compliant,
         u: vec![0.0; NODE_DOF * system.nodes()],
         lambda: vec![0.0; system.rows()],
         depth: vec![0.0; contacts.len()],
@@ -81,6 +82,12 @@ pub fn impulses(system: &RowSystem, springs: &[[f64; 2]]) -> Option<Vec<f64>> {
         if dt.is_infinite() {
             return Some(at.lambda);
         }
+        if at.depth.iter().all(|&d| d <= 0.0) {
+            // Nothing happens before the first gap is closed.
+            let closing = (0..contacts.len()).map(|i| (at.depth[i], at.measure(i, 0)));
+            let flights = closing.filter(|(_, v)| *v < -least).map(|(d, v)| d / v);
+            at.drift(flights.fold(f64::INFINITY, f64::min));
+        }
         at.drift(0.5 * dt);
         at.kick(dt);
         at.drift(0.5 * dt);
@@ -88,9 +95,10 @@ pub fn impulses(system: &RowSystem, springs: &[[f64; 2]]) -> Option<Vec<f64>> {
     None
 }
 
-struct Impact<'a> {
+struct Springs<'a> {
     system: &'a RowSystem,
     springs: &'a [[f64; 2]],
+    keeps_gaps: bool,
     u: Vec<f64>,
     lambda: Vec<f64>,
     depth: Vec<f64>,
@@ -98,7 +106,7 @@ struct Impact<'a> {
     given: Vec<[f64; 3]>,
 }
 
-impl Impact<'_> {
+impl Springs<'_> {
     fn measure(&self, i: usize, r: usize) -> f64 {
         let c = &self.system.contacts[i];
         let row = c.row as usize + r;
@@ -107,7 +115,7 @@ impl Impact<'_> {
 
     /// The unit of time of a contact that is compressed or closes: by the speed that it has, and would have without its spring.
     fn unit(&self, i: usize, least: f64) -> Option<f64> {
-        let (v, d, [_, k]) = (self.measure(i, 0), self.depth[i], self.springs[i]);
+        let (v, d, [_, k]) = (self.measure(i, 0), self.depth[i].max(0.0), self.springs[i]);
         let inverse = self.system.diag[self.system.contacts[i].row as usize] * k;
         let squared = v * v + 0.8 * inverse * d * d * d.sqrt();
         let moves = squared > least * least && (d > 0.0 || v < 0.0);
@@ -116,9 +124,18 @@ impl Impact<'_> {
 
     fn drift(&mut self, dt: f64) {
         for (i, [e, _]) in self.springs.iter().enumerate() {
-            let v = self.measure(i, 0);
-            let v = if v > 0.0 { v / (e * e) } else { v };
-            self.depth[i] = (self.depth[i] - v * dt).max(0.0);
+            let (v, d) = (self.measure(i, 0), self.depth[i]);
+            // Time that is left when it is no longer compressed.
+            let opens = d > 0.0 && v > 0.0;
+            let left = if opens { dt - d * e * e / v } else { dt };
+            self.depth[i] = match (opens, left >= 0.0) {
+                (true, true) => -v * left,
+                (true, false) => d - v / (e * e) * dt,
+                _ => d - v * dt,
+            };
+            if !self.keeps_gaps {
+                self.depth[i] = self.depth[i].max(0.0);
+            }
         }
     }
 

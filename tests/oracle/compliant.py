@@ -1,4 +1,4 @@
-"""Impact through stiff Hertz springs (law `binary`, section 5 of the specification): impulses of all contacts at once.
+"""Impact through stiff Hertz springs (laws `compliant` and `binary`, section 5 of the specification).
 
 The unit of stiffness is free; `k` goes with the square root of the radius of both curvatures. One step is half a drift of
 the compressions, a kick with implicit friction, half a drift.
@@ -16,7 +16,7 @@ SWEEPS, SETTLED = 100, 1e-13
 
 def spring_impulses(island: Island) -> F64:
     """Impulses (m,) from the velocities before the step; contacts alone act."""
-    lay, gradient = island.layout, island.gradient
+    lay, gradient, gaps = island.layout, island.gradient, island.model.options.impact == "compliant"
     response = (gradient / lay.mass).T
     inverse = np.einsum("ij,ji->i", gradient, response)
     start = list(lay.start)
@@ -33,15 +33,19 @@ def spring_impulses(island: Island) -> F64:
 
     def drift(dt: float) -> None:
         for i, n in enumerate(start):
-            v, e = float(z[n]), restitution[i]
-            if v > 0.0:
-                v = v / (e * e) if e > 0.0 else np.inf
-            depth[i] = max(0.0, depth[i] - v * dt)
+            v, d, e = float(z[n]), depth[i], restitution[i]
+            if d > 0.0 and v > 0.0:
+                left = dt - d * e * e / v
+                depth[i] = -v * left if left >= 0.0 else d - v / (e * e) * dt
+            else:
+                depth[i] = d - v * dt
+            if not gaps:
+                depth[i] = max(0.0, depth[i])
 
     def kick(dt: float) -> None:
         given = np.zeros(lay.rows)
         for i, n in enumerate(start):
-            given[n] = stiffness[i] * depth[i] ** 1.5 * dt
+            given[n] = stiffness[i] * max(0.0, depth[i]) ** 1.5 * dt
         z[:] += coupling @ given
         most = float(np.max(given))
         for _ in range(SWEEPS):
@@ -66,12 +70,14 @@ def spring_impulses(island: Island) -> F64:
         units = []
         for i, n in enumerate(start):
             wk = inverse[n] * stiffness[i]
-            squared = z[n] ** 2 + 0.8 * wk * depth[i] ** 2.5
+            squared = z[n] ** 2 + 0.8 * wk * max(0.0, depth[i]) ** 2.5
             if squared > least**2 and (depth[i] > 0.0 or z[n] < 0.0):
                 units.append(wk**-0.4 * squared**-0.1)
         if not units:
             return impulses
         dt = min(units) / RESOLUTION
+        if max(depth) <= 0.0:
+            drift(min(depth[i] / z[n] for i, n in enumerate(start) if z[n] < -least))
         drift(0.5 * dt)
         kick(dt)
         drift(0.5 * dt)
