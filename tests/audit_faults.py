@@ -330,6 +330,19 @@ def more_friction(row: int, factor: float) -> Fault:
     return edit
 
 
+def beyond_cone(row: int) -> Fault:
+    """Friction of an impact, which may have stuck, is as large as its normal impulse."""
+
+    def edit(file: h5py.File) -> None:
+        normal, impulse = file["impacts/normal"][row], file["impacts/impulse"][row]
+        slide = impulse - (impulse @ normal) * normal
+        more = (impulse @ normal) / np.linalg.norm(slide) - 1.0
+        assert more > 0.0
+        file["impacts/impulse"][row] = impulse + more * slide
+
+    return edit
+
+
 def bring_forward(row: int) -> Fault:
     """Half of the impulse of an impact is told of an earlier problem of its pair: all sums remain."""
 

@@ -41,7 +41,7 @@ RODS = [16, 18, 37, 41, 47, 107, 117, 266, *range(3)]
 # Each was found at fault once: bounds of reactions, of loads after a step in parts, of prescribed motion; a contact that
 # repeats a joint (218), springs where smooth motion ends (310), reactions that the filter carries (319, 385).
 MIXED = [16, 17, 23, 25, 37, 44, 138, 160, 170, 218, 310, 319, 385]
-ONCE = [15, 31, 67, 81, 91]
+PRINTED = [15, 31, 67, 81, 91]
 STOPS = suppress(carom.RunFailed)
 """Some runs stop and say so, as joints that jam with contacts: what was done until then is judged."""
 ALWAYS = {"momentum", "spin", "friction cone", "energy rise", "impact"}
@@ -51,8 +51,8 @@ KINDS: dict[str, list[tuple[ModuleType, list[int], int, Any, dict[str, Any]]]] =
     "random scenes with loads": [(audit_random, FEW, 700, nullcontext(), {})],
     "random scenes with joints": [(audit_rods, RODS, 200, nullcontext(), {})],
     "random scenes of every feature": [(audit_mixed, MIXED, 200, STOPS, {})],
-    "random scenes with loads solved once": [
-        (source, ONCE, 100, STOPS, {"position_friction": "once"})
+    "random scenes by the printed position level": [
+        (source, PRINTED, 100, STOPS, {"position_friction": "paper"})
         for source in (audit_random, audit_rods, audit_mixed)
     ],
     "random scenes of method events": [(audit_events, [112, 260, *range(6)], 300, STOPS, {})],

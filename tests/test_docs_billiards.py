@@ -97,6 +97,6 @@ def same(a: Any, b: Any) -> bool:
 
 def test_the_shipped_break_pockets_a_ball() -> None:
     scene = carom.example("nine_ball_break")
-    result = carom.simulate(scene, until=0.6)
+    result = carom.simulate(scene, until=0.7)
     [first] = billiards.table("9ft").pocketed(result)
     assert (first.ball, first.pocket) == ("6", "foot left")

@@ -107,7 +107,7 @@ class TestBlowUp:
 
     def test_at_a_contact_keeps_its_problem(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         # A floor without limit of friction turns under the ball, faster than anything.
-        scene = Scene("turntable", run={"until": 0.03, "step": H})
+        scene = Scene("turntable", run={"until": 0.03, "step": H, "position_friction": "paper"})
         scene.contact("m", "m", friction=1e200, restitution=0)
         angle = {"table": [[0, 0], [0.0095, 0], [0.5, 4e11]]}
         scene.plane(

@@ -15,22 +15,17 @@ FOLDER = Path(__file__).parent / "data" / "wedged"
 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 @pytest.mark.parametrize("level", ["position", "velocity"])
-def test_balls_that_wedge_one_another_go_on_with_less_friction(level: str) -> None:
+def test_balls_that_wedge_one_another_go_on(level: str) -> None:
     """States of falling towers (5 and 7 balls) of which no part of a step had a solution that the solvers found."""
     tower = carom.Scene.from_toml(FOLDER / f"{level}.toml")
     result = carom.simulate(tower, every=1, contacts=True, impacts="every")
     s = result.summary
     assert result.outcome.ok
     assert s["unconverged"] == 0
-    assert s["fallbacks"] > 0
     below(1e-9, "penetration / r", s["penetration_max_relative"])
     # Balls that are held by friction at one level alone: first order in the step, here one of 2 ms (decision record 015).
     below(1e-3, "energy rise", s["energy"]["max_rise_relative"])
     assert carom.audit.check(result).ok
-    if level == "position":
-        # With all of the friction it is not solved, in parts as small.
-        as_it_is = carom.simulate(tower.with_options(on_nonconvergence="warn"))
-        assert as_it_is.summary["unconverged"] > 0
 
 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
@@ -42,7 +37,7 @@ def test_no_ball_stays_where_it_is_while_its_velocity_grows() -> None:
     assert falling.sum() == 5
     way = np.asarray(result.position[1] - result.position[0])[falling, 2]
     assert (way < 0.0).all()
-    assert way.min() < -0.9 * 0.002
+    assert way.min() < -0.45 * 0.002
     # What they fall onto stops them.
     below(0.1, "speed of what fell, m/s", np.abs(np.asarray(result.velocity[1])[falling, 2]))
     assert result.summary["energy"]["max_rise"] == 0.0

@@ -18,7 +18,7 @@ def heap() -> carom.Scene:
 
 
 def test_a_step_that_is_not_solved_is_halved() -> None:
-    result = carom.simulate(WEDGED)
+    result = carom.simulate(WEDGED, position_friction="paper")
     assert result.outcome.kind == "done"
     halved = np.asarray(result.steps["halvings"])
     assert halved.max() >= 1

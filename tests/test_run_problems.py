@@ -71,6 +71,7 @@ def example(name: str, until: float) -> dict[str, Any]:
     return dict(model)
 
 
+@pytest.mark.parametrize("friction", ["once", "paper"])
 @pytest.mark.parametrize(
     ("name", "steps", "length", "tolerance"),
     [
@@ -89,10 +90,12 @@ def example(name: str, until: float) -> dict[str, Any]:
     ],
 )
 def test_the_multipliers_of_a_step_solve_its_problems(
-    name: str, steps: int, length: float, tolerance: float
+    name: str, steps: int, length: float, tolerance: float, friction: str
 ) -> None:
-    found = kept(example(name, 10.0), steps)
-    assert {p["level"] for p in found} == {"position", "velocity"}
+    found = kept(example(name, 10.0), steps, position_friction=friction)
+    # Where the loads alone leave no gap and no overlap, positions have no problem.
+    assert {p["level"] for p in found} - {"position"} == {"velocity"}
+    assert friction == "once" or {p["level"] for p in found} == {"position", "velocity"}
     assert all(p["converged"] for p in found)
     assert worst_err(found, length) < tolerance
     # Not because r = 0 would do: multipliers act.

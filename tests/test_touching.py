@@ -79,7 +79,7 @@ def test_the_gap_to_a_wall_is_that_of_where_it_is_at_the_frame(build: Callable[[
 
 def test_contacts_of_a_pile_are_closed_within_its_tolerance() -> None:
     """Those that carry it are up to some 1e-5 of a radius apart at a coarse tolerance."""
-    pile = carom.Scene("pile", run={"until": 0.6, "step": 1e-3, "pile_tolerance": 1e-4}, record={"every": 25})
+    pile = carom.Scene("pile", run={"until": 1.0, "step": 1e-3, "pile_tolerance": 1e-4}, record={"every": 25})
     pile.contact("m", "m", **LAW)
     pile.box("box", low=(-0.03, -0.03, 0), high=(0.03, 0.03, 0.5), open=["high_z"], material="m")
     pile.lattice("b", material="m", radius=R, density=2500, counts=(2, 2, 4), origin=(-0.012, -0.012, 0.011), spacing=0.0215,

@@ -15,7 +15,7 @@ HEAD = """\
 #
 # A leather tip drives the cue ball with 20 mph into the rack. Outlets take the balls out behind the edge of the slate:
 # the table of events of a run says which ball left and when, `billiards.table("9ft").pocketed(result)` into which pocket.
-# All balls lie still after 8.1 s. The rack is loose, 0.1 mm between balls: `seed` of `table.rack` draws another break.
+# All balls lie still after 8.4 s. The rack is loose, 0.1 mm between balls: `seed` of `table.rack` draws another break.
 """
 
 
@@ -23,7 +23,7 @@ def text() -> str:
     """The scenario as it is shipped."""
     table = billiards.table("9ft")
     scene = table.scene("A nine-ball break on a pocket table", until=8.5, step=1e-4, record={"every": 100})
-    table.rack(scene, order="9-ball", gap=1e-4, jitter=2e-5, seed=1)
+    table.rack(scene, order="9-ball", gap=1e-4, jitter=2e-5, seed=4)
     billiards.strike(table.cue_ball(scene), speed="20 mph", direction="0 deg", height=0.1)
     return HEAD + scene.to_toml()
 

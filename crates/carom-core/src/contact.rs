@@ -165,6 +165,11 @@ impl Contact {
         (total, normal + self.load[0] * (middle.n1 - self.n1))
     }
 
+    /// Whether it has given its bodies velocities, or moved them.
+    pub fn acts(&self) -> bool {
+        self.nu[0] != 0.0 || self.lambda[0] != 0.0 || self.moved.impulse != DVec3::ZERO
+    }
+
     /// World vectors of what has moved the bodies in positions: `nu`, and what the loads have moved them by in place of their normal part in it.
     pub fn position_impulse(&self) -> WorldImpulse {
         let mut position = self.to_world(self.n1, &self.nu);

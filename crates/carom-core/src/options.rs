@@ -250,7 +250,7 @@ options! {
     /// Impact law.
     impact: Impact = Impact::Sequence,
     /// Whether positions have a sub-problem with friction of their own.
-    position_friction: PositionFriction = PositionFriction::Paper,
+    position_friction: PositionFriction = PositionFriction::Once,
     /// Impact problems per island and step before one simultaneous problem ends them; 0: by the size of the island
     /// ([`Options::problems`]).
     max_problems: u32 = 0,

@@ -169,7 +169,7 @@ impl Recorder {
         let mut cursor = 0;
         let mut missing = false;
         for c in contacts {
-            if c.nu[0] == 0.0 && c.lambda[0] == 0.0 {
+            if !c.acts() {
                 continue;
             }
             let key = (c.a, c.b);
@@ -190,10 +190,7 @@ impl Recorder {
     fn insert_missing(&mut self, contacts: &[Contact]) {
         self.merged.clear();
         let mut old = self.open.iter().peekable();
-        for c in contacts
-            .iter()
-            .filter(|c| c.nu[0] != 0.0 || c.lambda[0] != 0.0)
-        {
+        for c in contacts.iter().filter(|c| c.acts()) {
             let key = (c.a, c.b);
             while let Some(record) = old.next_if(|r| r.key < key) {
                 self.merged.push(*record);

@@ -72,7 +72,11 @@ fn a_pyramid_stays_where_friction_can_hold_it_and_falls_where_not() {
         for times in [1.01, 1.3, 2.0] {
             let input = pyramid(layers, triangular, times * least);
             let (s, way) = run(&input, options(), 200);
-            assert!(way < 1e-8, "{layers} {triangular} {times}: {way:e}");
+            // Positions follow what the solver leaves of the velocities.
+            assert!(
+                way < 200.0 * 1e-10,
+                "{layers} {triangular} {times}: {way:e}"
+            );
             assert_eq!(s.monitors.unconverged, 0);
         }
         let (_, way) = run(&pyramid(layers, triangular, 0.99 * least), options(), 300);
@@ -142,7 +146,12 @@ fn a_trace_of_motion_does_not_bring_it_down() {
                 };
                 let (_, way) = run(&input, o, 200);
                 println!("{layers} {tolerance:e} {speed:e}: {way:e}");
-                assert!(way < 1e-5, "{layers} {tolerance:e} {speed:e}: {way:e}");
+                // Of the norms of eq. 44, some times the weight, in each step.
+                let left = 200.0 * tolerance * 4.0 * G * H * H / R;
+                assert!(
+                    way < 1e-5 + left,
+                    "{layers} {tolerance:e} {speed:e}: {way:e}"
+                );
             }
         }
     }

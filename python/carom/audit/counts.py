@@ -109,8 +109,6 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     open_ones = np.setdiff1d(own[lawful & (near.gap1 <= max(touching) * length + noise)], sure)
     k = sure // many**2
     least, doubt = (np.bincount(keys // many**2, minlength=block.count) for keys in (sure, open_ones))
-    if run.loads_once:  # an impact may take back all that a closed contact had
-        doubt = doubt + len(near.k)
     told = run.steps["contacts"][block.s1 - 1].astype(np.int64)
     off = np.maximum(0, np.maximum(least - told, told - least - doubt))
     rows = np.flatnonzero(judged)

@@ -25,7 +25,7 @@ from carom.run.result import Result, UnfinishedRun, load
 from carom.scene.assembly.held_apart import HeldApart, held_apart
 from carom.scene.scene import Scene
 from carom.scene.tables.impact_laws import LAWS, ImpactLaw
-from carom.scene.tables.options import MOST_PROBLEMS
+from carom.scene.tables.options import MOST_PROBLEMS, loads_once
 
 LEVELS = ("smooth", "position", "velocity")
 
@@ -176,8 +176,7 @@ class Run:
     @property
     def loads_once(self) -> bool:
         """Whether loads were solved once, for velocities and positions (`audit.loads_once`)."""
-        once = self.options["position_friction"] == "once"
-        return self.method == "nsga" and self.impact_law.loads_first and once
+        return loads_once(self.options)
 
     @property
     def impact_law(self) -> ImpactLaw:

@@ -28,6 +28,7 @@ from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
 from carom.result.remarks import RISE_PILE
+from carom.scene.tables.options import loads_once
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:
@@ -165,7 +166,7 @@ def _balance(block: Block, tally: Tally) -> None:
     )
     top = summed(size, np.abs(c.work).sum(axis=1))
     top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
-    off = np.where(run.loads_once & ~block.single[c.k], 0.5 * run.h * impulse * norm(run.gravity), 0.0)
+    off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
     bound = summed(_forced(block), solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top
     bound = bound + (solved_again(block) * norm(run.gravity))[:, None]
@@ -190,6 +191,15 @@ def _balance(block: Block, tally: Tally) -> None:
         return block.place(int(k[i]), *([int(first[i])] if own else []))
 
     tally.measure("energy balance", np.abs(value[judged]), bound[judged], place)
+
+
+def _once_step(block: Block) -> F64:
+    """(B,) s: the step whose loads, solved once, lift what they move by more than sums over several steps tell."""
+    run = block.run
+    if run.method == "events":
+        handed = loads_once(run.options | {"method": "nsga"}) & (block.total(run.steps["stepped"]) > 0.0)
+        return np.where(handed, float(run.options["pressing_step"]), 0.0)
+    return np.where(run.loads_once & ~block.single, run.h, 0.0)
 
 
 def _sizes(run: Run, x: F64, v: F64, w: F64) -> F64:

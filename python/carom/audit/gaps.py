@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import forces
+from carom.audit import forces, loads_once
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
@@ -102,11 +102,16 @@ def complementarity(block: Block, tally: Tally) -> None:
     # Eq. 44 alone prevents gaps from opening. The bound is its residual of `p gap`, p = 0.5/D_cc.
     left = 2.0 * compliance(run, c.a, c.b)[0] * block.left(norm(c.position_impulse))[c.k]
     bound = bound + left
-    if run.loads_once:  # loads press where the contact opens by less than they may bring back
-        moved = 0.5 * run.h * forces.pushes(block)[0] + forces.of_contacts(block).shift_size
-        bound = bound + forces.together(block, moved / run.mass)
+    if (
+        run.loads_once
+    ):  # loads press where the contact opens by less than they may bring back; positions keep the gap
+        of_contacts = forces.of_contacts(block)
+        moved = 0.5 * run.h * forces.pushes(block)[0] + of_contacts.shift_size
         fall = np.concatenate([_load(block), _walls(block)], axis=1).max(axis=1)
-        bound = bound + 2.0 * run.h * fall[c.k]
+        reach = forces.together(block, moved / run.mass) + 2.0 * run.h * fall[c.k]
+        bound = bound + np.where(
+            loads_once.holds_gap(block, of_contacts.shift), run.loosest["gap_tolerance"] * length, reach
+        )
     bound = bound + np.where(single, 0.0, way)
     taken = np.zeros(len(c), dtype=bool)
     for w, wall in enumerate(run.walls):

@@ -16,11 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carom.arrays import F64, I64
+from carom.arrays import F64, I64, Bool
 from carom.audit import groups, hits
 from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.vectors import add_at, cross, dot, unit
+from carom.audit.vectors import add_at, cross, dot, norm, unit
+
+#: Share of a position impulse above which its normal part is one: frames turn within the step, and lend it less of friction.
+SURELY = 1e-2
 
 
 class Mean(NamedTuple):
@@ -106,11 +109,22 @@ def arms(block: Block) -> F64:
 
 
 def turns(block: Block, shift: F64) -> tuple[F64, F64]:
-    """(K, 3) twice: `n x` what moved the bodies of each contact, and the moments beside it, N s^2 and N m s^2; `shift`
-    (B, N, 3) is all that moved a body, and before it loads were solved.
-    """
+    """(K, 3) twice: `n x` what moved the bodies of each contact, and the moments beside it, N s^2 and N m s^2."""
+    c = block.rows
+    return along_mean(c.position_impulse, *_solved_at(block, shift)).arm, c.position_moment
+
+
+def holds_gap(block: Block, shift: F64) -> Bool:
+    """(K,) whether positions were corrected along the normal of a contact: part of what moved its bodies surely is."""
+    c = block.rows
+    first, then = _solved_at(block, shift)
+    normal, size = dot(c.position_impulse, unit(first + then)), norm(c.position_impulse)
+    return np.asarray(normal > SURELY * size + (block.left(size) + block.floor)[c.k])
+
+
+def _solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
+    """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved."""
     c, run = block.rows, block.run
     x, other = block.x1 - shift / run.mass[:, None], np.minimum(c.b, run.bodies - 1)
     _, then = run.meet(block.t1[c.k], c.a, c.b, x[c.k, c.a], x[c.k, other])
-    first = first_normals(run, c.a, c.b, block.start[1], then)
-    return along_mean(c.position_impulse, first, then).arm, c.position_moment
+    return first_normals(run, c.a, c.b, block.start[1], then), then

@@ -15,6 +15,7 @@ from carom.errors import counted, quoted
 from carom.scene.assembly.distances import gaps
 from carom.scene.checks.curved_walls import CLOSE, CURVED, FEW_BALLS, MOST_CHANGE, below, way_on
 from carom.scene.tables.impact_laws import LAWS
+from carom.scene.tables.options import loads_once
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -89,6 +90,8 @@ def _lost(result: RunData) -> dict[str, Any] | None:
     scene = result.scene
     hollow = [w for w in scene._walls() if w.kind in CURVED and w.shape[-1] and w.motion is None]
     if not hollow or len(result.names) > FEW_BALLS or scene.run.method == "penalty":
+        return None
+    if loads_once(scene.run.options()):
         return None
     if not result.summary or len(result.time) < 2:
         return None

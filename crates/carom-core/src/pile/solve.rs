@@ -266,9 +266,13 @@ impl Pile {
             for (k, r) in impulses.iter().enumerate() {
                 let slot = memory.chosen[k];
                 let r = DVec3::from(*r);
-                let m = &memory.closed[slot as usize];
-                let m = frame.state(contacts, m);
-                let given = memory.given(&m, r, u, scale(&m));
+                let end = memory.closed[slot as usize];
+                let m = frame.state(contacts, &end);
+                let mut given = memory.given(&m, r, u, scale(&m));
+                if frame == Frame::Middle {
+                    // The table tells speeds along the normal of the end.
+                    given.speed = memory.given(&end, r, u, 1.0).speed;
+                }
                 let turned = moments.get(k).map(|&moment| DVec3::from(moment));
                 let moment = turned.unwrap_or_default();
                 memory.tell(slot, problem, moment, &given);

@@ -62,8 +62,11 @@ fn a_symmetric_pile_stays_symmetric() {
                 let (v, k) = (s.state.velocity[i], s.state.velocity[image(i)]);
                 worst = worst.max((v.x - k.x).abs() + (v.y + k.y).abs() + (v.z - k.z).abs());
             }
-            // Of the whole run: some hundred problems, each to the tolerance.
-            assert!(worst < 100.0 * tolerance * SPEED, "{worst:e}");
+            // Of the whole run: some hundred problems, each to the tolerance. And one half may have an impact as slow as the closing tolerance
+            // that the other one is spared.
+            let slowest = s.model.options.closing_tolerance_speed;
+            let bound = (100.0 * tolerance).max(slowest) * SPEED;
+            assert!(worst < bound, "{worst:e}");
         }
     }
 }

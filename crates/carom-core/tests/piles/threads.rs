@@ -42,9 +42,8 @@ fn the_number_of_threads_changes_no_bit() {
             "{:?}",
             reports.iter().map(|r| r.largest_island).collect::<Vec<_>>()
         );
-        // What the position level found may leave nothing to sweep in one step.
-        let swept = |r: &carom_core::StepReport| r.sweeps_position > 4 && r.sweeps_velocity > 4;
-        assert!(reports.iter().any(swept));
+        assert!(reports.iter().any(|r| r.sweeps_position > 0));
+        assert!(reports.iter().any(|r| r.sweeps_velocity > 4));
         all_bits(&s)
     };
     let one = run(1);
@@ -60,8 +59,8 @@ fn a_restored_state_goes_on_with_the_same_bits() {
     let mut whole = simulation(&input, o.clone());
     go_on(&mut whole, 400);
     let state = whole.state.clone();
-    let kept = state.warm.iter().filter(|w| w.position.z != 0.0).count();
-    assert!(kept > 20, "warm starts of positions: {kept}");
+    let kept = state.warm.iter().filter(|w| w.impulse.z != 0.0).count();
+    assert!(kept > 20, "warm starts: {kept}");
     go_on(&mut whole, 50);
     let resume = |forget: bool| {
         let mut s = simulation(&input, o.clone());

@@ -1,4 +1,6 @@
-"""Advice on speed along curved walls, where the scheme is of first order in energy (docs/theory/algorithm.md, section 10).
+"""Advice on speed along curved walls, where the printed scheme is of first order in energy (docs/theory/algorithm.md, 10).
+
+Where loads are solved once it is of second order, and nothing is told.
 
 In a step `h` a ball that runs at speed `v` on a path of radius `rho`, pressed on the wall by the force `N`, loses
 `h^2 N v^2/(2 rho)` inside of the wall and gains as much outside. What this makes of a run is an estimate.
@@ -17,6 +19,7 @@ from carom.errors import quoted
 from carom.scene.assembly.distances import gaps, normals
 from carom.scene.checks.walls import called
 from carom.scene.messages import Finding
+from carom.scene.tables.options import loads_once
 
 if TYPE_CHECKING:
     from carom.scene.assembly.placing import Placed
@@ -63,7 +66,7 @@ class Way(NamedTuple):
 def advise_curved(parts: Parts, world: World) -> Iterator[Finding]:
     """The ball that begins on a fixed curved wall and whose energy the scheme changes most, beyond `MOST_CHANGE`."""
     run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or len(bodies.names) > FEW_BALLS:
+    if run is None or run.until is None or loads_once(run.options()) or len(bodies.names) > FEW_BALLS:
         return
     most, told = MOST_CHANGE, None
     for wall in parts.walls():
@@ -88,6 +91,8 @@ def advise_curved(parts: Parts, world: World) -> Iterator[Finding]:
         return
     name, wall, speed, rho = told
     safe = f"step = {below(run.step * MOST_CHANGE / most):g} keeps it below 1 %"
+    if loads_once(run.options() | {"position_friction": "once"}):
+        safe = f'position_friction = "once" loses none, {safe}'
     if wall.shape[-1]:
         share = 100.0 * (1.0 - 1.0 / (1.0 + most))
         lost = f"{100.0 * most / run.until:.2g} % of that energy a second, {share:.2g} % in the run"

@@ -8,6 +8,7 @@ agree.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -27,6 +28,7 @@ from carom.scene.tables.fields import (
     Quantity,
     Text,
 )
+from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.quantities import key
 from carom.units import DIMENSIONS
 
@@ -161,6 +163,12 @@ def kind(name: str, default: float | int | bool | str) -> Checked:
         return Quantity(option.dimension, option.bounds)
     admitted = _core.choices().get(name)
     return Choice(tuple(admitted)) if admitted else Text(1)
+
+
+def loads_once(options: Mapping[str, Any]) -> bool:
+    """Whether a run with these options solves the loads of a step once, for velocities and positions."""
+    law = LAWS[options["impact"]]
+    return options["method"] == "nsga" and law.loads_first and options["position_friction"] == "once"
 
 
 #: Names of the options of the core.
