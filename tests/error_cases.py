@@ -20,6 +20,7 @@ WALL = '[[{0}]]\nname = "w"\nmaterial = "cloth"\n'
 INFLOW = f'[[inflow]]\nname = "in"\n{SPHERE}count = 2\nrate = 1.0\nseed = 1\n'
 FAR = "region = { low = [3,3,3], high = [4,4,4] }\n"
 PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 1\ncount = 2\n'
+PRINTED = 'step = 1e-3 -> step = 1e-3\nposition_friction = "paper"\n'
 BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
 #: cause -> (key that the message names, piece to add); several where several messages share the cause.
@@ -407,7 +408,8 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     " (estimate without friction and hits)": [
         (
             "run.step",
-            WALL.format("cylinder")
+            PRINTED
+            + WALL.format("cylinder")
             + "point = [3,0,1]\naxis = [0,1,0]\nradius = 0.2\nlength = 0.1\n"
             + f'[[sphere]]\nname = "third"\n{SPHERE}position = [3.19,0,1]\nvelocity = [0,0,3]\n',
         )
@@ -415,7 +417,8 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... rolls down ..., ... m from its middle: a step of ... s gains about ... % of its energy (estimate)": [
         (
             "run.step",
-            WALL.format("ball_wall")
+            PRINTED
+            + WALL.format("ball_wall")
             + "point = [3,0,1]\nradius = 0.001\ninside = false\n"
             + '[[sphere]]\nname = "third"\nmaterial = "ball"\nradius = 0.001\nmass = 0.1\nposition = [3,0,1.002]\n',
         )

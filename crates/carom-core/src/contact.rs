@@ -55,9 +55,7 @@ pub struct Contact {
     pub closed: bool,
     /// Whether `t1`, `t2` and the axis of spinning belong to `n1` (piles, and loads that are solved once), not to `n0`.
     pub end_frame: bool,
-    /// Whether `nu` left at rest what was so (`level::rest`) where another solution moves it.
-    pub held: bool,
-    /// Whether the position level found its island at rest and left it so.
+    /// Whether all contacts of its bodies were there at t_n, where the loads look for rest.
     pub rested: bool,
     pub status: Status,
 }
@@ -82,7 +80,7 @@ impl Contact {
     pub(crate) fn forget(&mut self, once: bool) {
         (self.nu, self.lambda, self.work) = ([0.0; 6], [0.0; 6], [0.0; 4]);
         (self.closed, self.end_frame) = (false, false);
-        (self.held, self.rested, self.status) = (false, false, Status::Gap);
+        (self.rested, self.status) = (false, Status::Gap);
         if once {
             (self.load, self.load_normal, self.resting) = ([0.0; 6], DVec3::ZERO, false);
             self.moved = WorldImpulse::default();

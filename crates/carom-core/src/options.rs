@@ -325,6 +325,11 @@ impl Options {
             && self.impact.has_loads_first()
     }
 
+    /// Whether positions have a sub-problem with friction, as printed (eq. 37).
+    pub fn is_printed(&self) -> bool {
+        self.method == Method::Nsga && !self.loads_once()
+    }
+
     /// What the impact sequence of an island of so many contacts may take.
     pub fn problems(&self, contacts: usize) -> Problems {
         match self.max_problems {

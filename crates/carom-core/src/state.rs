@@ -12,9 +12,6 @@ pub struct Warm {
     pub impulse: DVec3,
     /// Rolling and spinning impulse, N m s.
     pub moment: DVec3,
-    /// Position multipliers, kg m and kg m^2; piles alone start from them.
-    pub position: DVec3,
-    pub position_moment: DVec3,
 }
 
 /// What a contact between continuous forces remembers while it is closed. Methods with impulses have none.

@@ -10,11 +10,10 @@ use glam::{DQuat, DVec3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Impulse, moment and position multipliers of a contact.
-pub fn warm_values(w: &Warm) -> [f64; 12] {
-    let mut out = [0.0; 12];
-    let vectors = [w.impulse, w.moment, w.position, w.position_moment];
-    for (k, v) in vectors.into_iter().enumerate() {
+/// Impulse and moment of a contact.
+pub fn warm_values(w: &Warm) -> [f64; 6] {
+    let mut out = [0.0; 6];
+    for (k, v) in [w.impulse, w.moment].into_iter().enumerate() {
         out[3 * k..3 * k + 3].copy_from_slice(&v.to_array());
     }
     out
@@ -161,19 +160,12 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
             .map(DVec3::from)
             .collect())
     };
-    // Nine numbers: of a version in which piles had no rolling friction, so that the last three are 0.
-    let values = arrays::rows::<12>(state, "warm_value").or_else(|error| {
-        let short = arrays::rows::<9>(state, "warm_value").map_err(|_| error)?;
-        let longer = |v: &[f64; 9]| std::array::from_fn(|k| v.get(k).copied().unwrap_or(0.0));
-        Ok::<_, PyErr>(short.iter().map(longer).collect::<Vec<[f64; 12]>>())
-    })?;
+    let values = arrays::rows::<6>(state, "warm_value")?;
     let keys = read_keys(state, "warm", values.len())?;
     let warm = keys.into_iter().zip(&values).map(|(key, v)| Warm {
         key,
         impulse: DVec3::new(v[0], v[1], v[2]),
         moment: DVec3::new(v[3], v[4], v[5]),
-        position: DVec3::new(v[6], v[7], v[8]),
-        position_moment: DVec3::new(v[9], v[10], v[11]),
     });
     let warm_step = arrays::floats(state, "warm_step")?
         .first()

@@ -4,8 +4,7 @@
 //! correction; each rung begins at the same start. [`AUTO`] is climbed by [`crate::solver::Auto`] for `u = W r + q`; each rung begins at
 //! the best iterate so far. The first rung that converges ends the climb, and every attempt is recorded by the name of its rung.
 //!
-//! What is chosen where a problem is stated (`carom-core`) comes before them or after: [`CLOSED_FORM`], [`SPHERES`], [`HELD`],
-//! [`LESS_FRICTION`].
+//! What is chosen where a problem is stated (`carom-core`) comes before them or after: [`CLOSED_FORM`], [`SPHERES`], [`HELD`].
 
 use std::fmt;
 
@@ -36,11 +35,6 @@ pub const CLOSED_FORM: &str = "closed form";
 pub const SPHERES: &str = "sweeps of spheres";
 /// Multipliers that hold everything ([`crate::hold`]): where all was at rest and another way moves it, or finds nothing.
 pub const HELD: &str = "held at rest";
-/// Shares (1) of the friction that are left, one after the other, where sweeps do not solve a large pile in the smallest part of a step: spheres that wedge one
-/// another may have no motion that obeys Coulomb's law (their forces would have to grow without bound), and have one with less of it.
-/// Without them such a step stops the run (exit code 3); with small ones alone jams come loose and slide.
-pub const LESS_FRICTION: [f64; 2] = [0.5, 0.1];
-
 /// Ways to solve an island of rows.
 #[derive(Clone, Copy, Debug)]
 pub enum IslandWay {

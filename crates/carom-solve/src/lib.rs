@@ -11,7 +11,6 @@ pub mod hold;
 mod island;
 mod judge;
 pub mod ladder;
-mod less_friction;
 pub mod linear_step;
 mod newton;
 pub mod problem;

@@ -31,13 +31,11 @@ fn damage(draw: &mut Draw, state: &mut State) {
             key: (draw.below(9) as u32, draw.byte().into()),
             impulse: draw.vector(1.0),
             moment: draw.vector(1.0),
-            position: draw.vector(1.0),
-            position_moment: draw.vector(1.0),
         }),
         10 => {
             for w in &mut state.warm {
                 w.impulse = draw.size(1.0, 9.0) * w.impulse;
-                w.position = draw.vector(1.0);
+                w.moment = draw.vector(1.0);
             }
         }
         11 => state.warm_step = draw.size(1e-3, 6.0),

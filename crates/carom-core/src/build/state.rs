@@ -95,7 +95,7 @@ impl State {
         let touch = |t: &Touch| {
             t.approach.is_finite() && t.age.is_finite() && vectors(&[t.spring, t.impulse, t.moment])
         };
-        let warm = |w: &Warm| vectors(&[w.impulse, w.moment, w.position, w.position_moment]);
+        let warm = |w: &Warm| vectors(&[w.impulse, w.moment]);
         let place = |x: &DVec3| wall::place("position", *x).is_ok();
         let numbers = [
             ("position", self.position.iter().all(place)),

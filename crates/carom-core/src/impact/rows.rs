@@ -323,17 +323,10 @@ impl RowIsland<'_, '_> {
             let packed = work.packed(slot);
             let contact = &self.scratch.contacts[m as usize];
             let world = contact.to_world(contact.n1, &packed);
-            let position = if contact.held {
-                contact.to_world(contact.n0, &contact.nu)
-            } else {
-                WorldImpulse::default()
-            };
             self.scratch.warm.push(Warm {
                 key: (contact.a, contact.b),
                 impulse: world.impulse,
                 moment: world.moment,
-                position: position.impulse,
-                position_moment: position.moment,
             });
         }
     }

@@ -169,11 +169,18 @@ pub fn as_printed(island: &mut impl ImpactIsland) -> bool {
     end(island, Law::Plastic, later)
 }
 
-/// Newton's law on all closed contacts at once.
+/// Newton's law on all closed contacts at once, where something still closes after the loads.
 #[must_use]
 pub fn one_shot(island: &mut impl ImpactIsland) -> bool {
+    if loads(island).is_none() {
+        return false;
+    }
+    if !island.flags(|slot| island.closes(slot)).contains(&true) {
+        return true;
+    }
     island.choose(|_| true);
-    solve_problem(island, Law::First, 1, Start::Nothing)
+    island.drop_chosen();
+    solve_problem(island, Law::First, 1, Start::Loads)
 }
 
 /// What a sequence that does not die out leaves is solved at once, with all contacts: then nothing closes. `later` as

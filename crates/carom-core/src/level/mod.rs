@@ -1,7 +1,6 @@
 //! The three sub-problems of a step: smooth (eqs. 1a-b), position (1c-e) and velocity (1f-h).
 
 pub mod coupling;
-mod less_friction;
 pub(crate) mod loads;
 pub mod position;
 mod position_measures;
@@ -13,7 +12,6 @@ mod smooth_matrix;
 pub mod smooth_newton;
 pub mod speeds;
 pub mod velocity;
-mod wedge;
 
 use crate::contact::Contact;
 use crate::model::Model;
@@ -21,7 +19,6 @@ use crate::options::{Options, Solver};
 use crate::outcome::Level;
 use crate::state::State;
 use crate::stepper::Span;
-pub(crate) use carom_solve::ladder::LESS_FRICTION;
 use carom_solve::single::SingleContact;
 use carom_solve::{NewtonOptions, RowSystem};
 

@@ -1,13 +1,11 @@
-//! Position sub-problem (eqs. 1c-e, 14, 21): removes penetration and the slip that friction does not allow.
+//! Position sub-problem (eqs. 1c-e, 14, 21): removes penetration, along normals alone or as printed.
 //!
-//! `M U = G^T lambda` with the normal row at the current iterate (its derivative, eq. 42, is in the Hessian) and all
-//! other rows in the frame of t_n, acting on the increments over the whole step (eq. 37). Joints stand beside the
-//! contacts, and loads that depend on positions act through their change, `(h^2/2) f_p` (eq. 3).
+//! Along normals spheres are corrected from where their loads have brought them ([`super::loads`]), or Moreau-Jean's step. As printed
+//! `M U = G^T lambda` has the normal row at the current iterate (its derivative, eq. 42, is in the Hessian) and all other rows in the frame
+//! of t_n, acting on the increments over the whole step (eq. 37). Joints stand beside the contacts, and loads that depend on positions act
+//! through their change, `(h^2/2) f_p` (eq. 3).
 
-use super::less_friction::with_less_friction;
-use super::position_newton::{self, Way};
-use super::rest::Resting;
-use super::{closed_form, loads, single, Demand, Task};
+use super::{closed_form, loads, position_newton, single, Task};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
@@ -22,7 +20,7 @@ use glam::DVec3;
 /// Nothing overlaps and nothing is held: U = 0 satisfies every condition.
 #[inline]
 pub(crate) fn is_separated(model: &Model, contacts: &[Contact], island: Island) -> bool {
-    if model.options.loads_once() {
+    if !model.options.is_printed() {
         return loads::are_enough(model, contacts, island);
     }
     let apart = |&m: &u32| contacts[m as usize].gap_check >= 0.0;
@@ -36,9 +34,9 @@ pub fn solve_island(
     island: Island,
     report: &mut StepReport,
 ) -> bool {
-    let once = task.model.options.loads_once();
+    let printed = task.model.options.is_printed();
     if is_separated(task.model, scratch.contacts, island) {
-        for &m in island.contacts.iter().filter(|_| once) {
+        for &m in island.contacts.iter().filter(|_| !printed) {
             let c = &mut scratch.contacts[m as usize];
             c.nu[0] = c.of_load(task.span.h);
         }
@@ -46,99 +44,28 @@ pub fn solve_island(
     }
     if let ([m], true) = (island.contacts, island.is_free()) {
         if closed_form(task.model, &scratch.contacts[*m as usize]) {
-            if once {
-                correct_single(task, scratch, *m, report);
-            } else {
+            if printed {
                 solve_single(task, scratch, *m, report);
+            } else {
+                correct_single(task, scratch, *m, report);
             }
             return true;
         }
     }
-    let Task {
-        model,
-        state,
-        span,
-        demand,
-        ..
-    } = *task;
-    let accept = task.demand == Demand::Accepted;
-    if once {
-        if fits(model, island) {
-            let others = may_fall_back(island);
-            let asked = if others {
-                demand.unless_accepted()
-            } else {
-                demand
-            };
-            let solved =
-                pile::solve_positions(model, state, scratch, island, span, report, asked, None);
-            if solved || !others {
-                return solved;
-            }
-            report.fallbacks += 1;
-        }
-        let way = Way::Normals { accept };
-        return position_newton::solve(model, state, scratch, island, span, report, way);
-    }
-    let resting = Resting::find(model, state, scratch, island, span.h);
-    let resting = resting.as_ref();
-    if fits(model, island) {
-        if let Some(solved) = solve_pile(task, scratch, island, resting, report) {
+    if fits(task.model, island) {
+        let others = may_fall_back(island);
+        let demand = if others {
+            task.demand.unless_accepted()
+        } else {
+            task.demand
+        };
+        let solved = pile::solve_positions(task, scratch, island, report, demand);
+        if solved || !others {
             return solved;
         }
         report.fallbacks += 1;
     }
-    let way = Way::Solve { resting, accept };
-    position_newton::solve(model, state, scratch, island, span, report, way)
-}
-
-/// Sweeps; nothing where Newton's method takes over. What was at rest is held first, by sweeps or by Newton's method.
-fn solve_pile(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    resting: Option<&Resting>,
-    report: &mut StepReport,
-) -> Option<bool> {
-    let Task {
-        model,
-        state,
-        span,
-        demand,
-        ..
-    } = *task;
-    let sweep = |scratch: &mut IslandScratch, report: &mut StepReport, asked, resting| {
-        pile::solve_positions(model, state, scratch, island, span, report, asked, resting)
-    };
-    if let Some(rests) = resting {
-        let before = *report;
-        let failed = scratch.keeper.failed.take();
-        if sweep(scratch, report, demand.unless_accepted(), resting) {
-            return Some(true);
-        }
-        // What it moved by is no part of the step.
-        *report = before;
-        let way = Way::Hold(rests);
-        let unsolved = scratch.keeper.failed.is_some();
-        let held = position_newton::solve(model, state, scratch, island, span, report, way);
-        if held || !unsolved {
-            scratch.keeper.failed = failed;
-        }
-        if held {
-            report.fallbacks += u32::from(unsolved);
-            return Some(true);
-        }
-    }
-    if may_fall_back(island) {
-        return sweep(scratch, report, demand.unless_accepted(), None).then_some(true);
-    }
-    let less = |scratch: &mut IslandScratch, report: &mut StepReport| {
-        sweep(scratch, report, Demand::Converged, None)
-    };
-    let last = span.smallest && demand != Demand::Accepted;
-    let solved = sweep(scratch, report, demand, None)
-        || (last && with_less_friction(scratch, island, report, less));
-    Some(solved)
+    position_newton::solve(task, scratch, island, report)
 }
 
 /// A lone contact of a sphere with a plane along its normal, from where its load has brought it.

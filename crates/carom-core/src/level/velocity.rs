@@ -1,6 +1,5 @@
 //! Velocity sub-problem (eqs. 1f-h): one island of closed contacts, by the impact law of the run.
 
-use super::less_friction::with_less_friction;
 use super::single::ContactMeasures;
 use super::{closed_form, single, Demand, Task};
 use crate::contact::Contact;
@@ -9,7 +8,6 @@ use crate::impact::law::Law;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
-use crate::options::Impact;
 use crate::outcome::{ImpactRecord, Level};
 use crate::pile::limits::{fits, may_fall_back};
 use crate::report::StepReport;
@@ -47,19 +45,14 @@ pub fn solve_island(
             return true;
         }
     }
-    let (span, accept_unconverged) = (task.span, task.demand == Demand::Accepted);
     if fits(model, island) {
         let others = may_fall_back(island);
-        let accept = accept_unconverged && !others;
+        let accept = task.demand == Demand::Accepted && !others;
         if pile::solve_velocities(task, scratch, island, report, accept) {
             return true;
         }
         if !others {
-            return span.smallest
-                && !accept_unconverged
-                && with_less_friction(scratch, island, report, |scratch, report| {
-                    pile::solve_velocities(task, scratch, island, report, false)
-                });
+            return false;
         }
         report.fallbacks += 1;
     }
@@ -98,8 +91,7 @@ fn solve_single<const MOVING: bool>(
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
         report.missed_impacts += 1;
     }
-    let one_shot = options.impact == Impact::OneShot;
-    if speeds.largest() == 0.0 || (!one_shot && check.normal >= -tol) {
+    if speeds.largest() == 0.0 || check.normal >= -tol {
         return;
     }
     let resting = match options.loads_once() {

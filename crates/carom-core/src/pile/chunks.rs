@@ -101,14 +101,6 @@ pub(super) fn any(threads: usize, count: usize, test: impl Fn(usize) -> bool + S
     map(threads, count, |mut range| range.any(&test)).contains(&true)
 }
 
-/// Whether most are such: of each chunk, how many are such and how many might be.
-pub(super) fn mostly(counts: &[[usize; 2]]) -> bool {
-    let [those, all] = counts
-        .iter()
-        .fold([0, 0], |s, p| [s[0] + p[0], s[1] + p[1]]);
-    2 * those > all
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

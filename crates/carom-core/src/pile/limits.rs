@@ -6,7 +6,6 @@ use crate::model::Model;
 use crate::options::Solver;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Goal, Progress};
-use glam::DVec3;
 
 /// Sweeps that one solve may take (up to 16 times as many where [`LEAST_UPDATES`] are more). Too few: tall piles end unconverged, and steps are
 /// halved or counted as fallbacks. Too many: a step without solution takes minutes to say so.
@@ -40,11 +39,6 @@ pub(super) const WORST_CONTACT_FROM: f64 = 2_500.0;
 /// (decision 011); near 0 each solve takes more sweeps.
 pub(super) const CLOSING_LEFT: f64 = 0.5;
 
-/// The levels keep to their own impulses of the last step as long as those of one are at most so many times (1) those of the other, `nu` over h/2
-/// against the impulse of the loads. Where spheres are wedged a level alone may hold them by friction, for ever if it starts from there. Without
-/// the bound one held a ball that the other let fall, and a tower of 28 balls gained 5e-3 of its energy in a step. Smaller: more fallbacks.
-pub(super) const LEVELS_APART: f64 = 3.0;
-
 /// Fewest candidate contacts of a step whose memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of
 /// so many. Fewer: steps wait for the system's memory. More: a scene of millions of balls needs the memory of all phases at once.
 pub(super) const HUGE_ISLAND: usize = 1_000_000;
@@ -52,11 +46,6 @@ pub(super) const HUGE_ISLAND: usize = 1_000_000;
 /// Whether memory is given back in a step with these candidates.
 pub fn is_huge(contacts: &[Contact]) -> bool {
     contacts.len() >= HUGE_ISLAND
-}
-
-/// Whether an impulse of one level is beyond what the other level's stands for ([`LEVELS_APART`]).
-pub(super) fn is_beyond(of_one: DVec3, of_other: DVec3) -> bool {
-    of_one.length_squared() > LEVELS_APART * LEVELS_APART * of_other.length_squared()
 }
 
 /// Whether an island is solved here.
@@ -72,6 +61,7 @@ pub fn fits(model: &Model, island: Island) -> bool {
         && island.is_free()
         && o.solver == Solver::Auto
         && !o.impact.is_printed()
+        && !o.is_printed()
 }
 
 /// Threads that sweep an island of `contacts` contacts.

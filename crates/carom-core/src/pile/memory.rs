@@ -25,9 +25,7 @@ pub struct Pile {
     pub(super) sweeps: Sweeps,
     pub(super) bodies: Vec<Body>,
     pub(super) places: Vec<Place>,
-    /// Position level: tangential increments of the contacts over the smooth step; none where memory is short.
-    pub(super) slides: Vec<[f64; 3]>,
-    /// The same, where loads are solved once: what they have moved the nodes by along normals, m.
+    /// Position level: what the loads have moved the nodes by along normals, m.
     pub(super) taken: Vec<DVec3>,
     pub(super) contacts: Vec<spheres::Contact>,
     /// Rolling and spinning friction of the contacts; empty where nothing rolls.
@@ -68,7 +66,6 @@ impl Pile {
             sweeps: Sweeps::empty(),
             bodies: Vec::new(),
             places: Vec::new(),
-            slides: Vec::new(),
             taken: Vec::new(),
             contacts: Vec::new(),
             rolls: Vec::new(),

@@ -2,17 +2,14 @@
 //! that the last one led to.
 
 use super::position_measures::Linearisation;
-use super::{chunks, problem_data, record};
+use super::{chunks, problem_data};
 use crate::islands::Island;
-use crate::level::rest::Resting;
-use crate::level::{position_floor, Demand};
+use crate::level::{position_floor, Demand, Task};
 use crate::model::Model;
 use crate::outcome::Level;
 use crate::pile::limits::{budget, told, worst, COARSE_TOLERANCE, PATIENCE, WORST_CONTACT_FROM};
 use crate::pile::memory::Pile;
-use crate::pile::turning::any_rolls;
 use crate::report::StepReport;
-use crate::state::State;
 use crate::stepper::Span;
 use crate::workspace::IslandScratch;
 use carom_solve::spheres::{Goal, Progress};
@@ -50,23 +47,25 @@ struct Swept {
     linearisations: u32,
 }
 
-/// Solves one island; writes the corrections U of its bodies and `nu` and the frames of its contacts. False: not converged, or it moves
-/// what was `resting`; nothing is written.
-#[allow(clippy::too_many_arguments)] // the arguments of the level
+/// Solves one island along normals; writes the corrections U of its bodies and `nu` of its contacts. False: not converged, and nothing
+/// is written.
 pub fn solve_positions(
-    model: &Model,
-    state: &State,
+    task: &Task,
     scratch: &mut IslandScratch,
     island: Island,
-    span: Span,
     report: &mut StepReport,
     demand: Demand,
-    resting: Option<&Resting>,
 ) -> bool {
     let (mut pile, members) = (std::mem::take(scratch.pile), island.contacts);
     let node_of = &mut scratch.solve.node_of;
-    pile.begin(model, scratch.contacts, members, node_of, scratch.position);
-    let swept = pile.sweep_positions(model, state, scratch, members, span, demand);
+    pile.begin(
+        task.model,
+        scratch.contacts,
+        members,
+        node_of,
+        scratch.position,
+    );
+    let swept = pile.sweep_positions(task, scratch, members, demand);
     let solved = swept.is_some_and(|swept| {
         let Progress {
             converged, lenient, ..
@@ -74,18 +73,15 @@ pub fn solve_positions(
         report.fallbacks += u32::from(converged && lenient);
         report.sweeps_position = report.sweeps_position.max(swept.sweeps as u32);
         pile.take_solution();
-        if converged && resting.is_some_and(|resting| pile.moves(resting)) {
-            return false;
-        }
         if scratch.keeper.wants(swept.sweeps as u32) || !converged {
-            pile.keep_positions(model, scratch, members, &swept);
+            pile.keep_positions(task.model, scratch, members, &swept);
         }
         if !converged && demand != Demand::Accepted {
             return false;
         }
         report.add_position(&told(&swept.progress, swept.linearisations));
         report.unconverged += u32::from(!converged);
-        pile.write_positions(scratch, members, resting.is_some());
+        pile.write_positions(scratch, members);
         true
     });
     *scratch.pile = pile;
@@ -96,52 +92,31 @@ impl Pile {
     /// Sweeps and linearises in turns. Nothing: the problem has numbers that cannot be used.
     fn sweep_positions(
         &mut self,
-        model: &Model,
-        state: &State,
+        task: &Task,
         scratch: &IslandScratch,
         members: &[u32],
-        span: Span,
         demand: Demand,
     ) -> Option<Swept> {
-        let (contacts, linear) = (&*scratch.contacts, scratch.linear);
-        let threads = self.sweeps.threads;
-        let once = model.options.loads_once();
-        let rolls = !once && any_rolls(model, contacts, members);
-        self.taken.clear();
-        let of_loads = once.then(|| {
-            let of_load = |&m: &u32| contacts[m as usize].of_load(span.h);
-            members.iter().map(of_load).collect::<Vec<f64>>()
-        });
-        let wave = match &of_loads {
-            Some(of_loads) => self.start_normals(contacts, members, of_loads),
-            None => self.start_positions(model, state, (contacts, members), linear, span, rolls),
-        };
+        let Task { model, span, .. } = *task;
+        let contacts = &*scratch.contacts;
+        let of_load = |&m: &u32| contacts[m as usize].of_load(span.h);
+        let of_loads: Vec<f64> = members.iter().map(of_load).collect();
+        let wave = self.start_normals(contacts, members, &of_loads);
         let at = Linearisation {
-            threads,
+            threads: self.sweeps.threads,
             model,
-            state,
             walls: scratch.walls,
             contacts,
             members,
             node_of: &scratch.solve.node_of,
             position: scratch.position,
-            linear,
-            angular: scratch.angular,
-            of_loads: of_loads.as_deref(),
+            of_loads: &of_loads,
         };
-        // The step's own displacements are the measures of the sliding rows; they do not change with the correction.
-        let slides = if self.huge || once { 0 } else { members.len() };
-        chunks::refill(threads, &mut self.slides, slides, |k| {
-            at.slide(&contacts[members[k] as usize]).to_array()
-        });
-        at.write(&self.slides, &mut self.contacts);
+        at.write(&mut self.contacts);
         at.take_off(self);
         self.rolls.clear();
-        if rolls {
-            at.write_rolls(&self.contacts, &mut self.rolls);
-        }
         // What a wave is started from moves the spheres: the first linearisation is there. (Wedges of small piles would stay.)
-        if self.load_sweeps().is_err() || (wave && !at.follow(self, rolls)) {
+        if self.load_sweeps().is_err() || (wave && !at.follow(self)) {
             return None;
         }
         let [goal, strict] = self.position_goals(model, members.len(), span, wave, demand);
@@ -166,7 +141,7 @@ impl Pile {
                 ..strict
             });
             swept.sweeps += linear_problem.sweeps.max(1);
-            if !at.follow(self, rolls) {
+            if !at.follow(self) {
                 break;
             }
             swept.progress = self.sweeps.judge(&goal, swept.sweeps);
@@ -225,16 +200,6 @@ impl Pile {
         [goal, strict]
     }
 
-    /// Moments of the solution by contact; none where nothing rolls.
-    fn position_moments(&self) -> impl Fn(usize) -> DVec3 + Sync {
-        let moments = if self.rolls.is_empty() {
-            Vec::new()
-        } else {
-            self.sweeps.moments()
-        };
-        move |slot| moments.get(slot).map_or(DVec3::ZERO, |&m| DVec3::from(m))
-    }
-
     /// Hands the problem at hand, with what was found, to the keeper.
     #[cold]
     fn keep_positions(
@@ -244,16 +209,11 @@ impl Pile {
         members: &[u32],
         swept: &Swept,
     ) {
-        let turn = |slot: usize| {
-            let roll = self.rolls.get(slot);
-            roll.map_or(DVec3::ZERO, |r| DVec3::from(r.turn))
-        };
-        let moment = self.position_moments();
         let solved = self.impulses.iter().zip(&self.contacts);
-        let stated = members.iter().zip(solved).enumerate();
-        let stated = stated.map(|(slot, (&contact, (r, z)))| problem_data::Stated {
-            turn: turn(slot),
-            moment: moment(slot),
+        let stated = members.iter().zip(solved);
+        let stated = stated.map(|(&contact, (r, z))| problem_data::Stated {
+            turn: DVec3::ZERO,
+            moment: DVec3::ZERO,
             contact,
             nodes: (z.a, z.b),
             normal: DVec3::from(z.normal),
@@ -284,30 +244,21 @@ impl Pile {
     }
 
     /// Writes the solution into the step.
-    fn write_positions(&self, scratch: &mut IslandScratch, members: &[u32], rested: bool) {
-        for (node, (&i, u)) in self.spheres.iter().zip(&self.corrections).enumerate() {
-            let taken = self.taken.get(node).copied().unwrap_or(DVec3::ZERO);
+    fn write_positions(&self, scratch: &mut IslandScratch, members: &[u32]) {
+        for ((&i, u), &taken) in self.spheres.iter().zip(&self.corrections).zip(&self.taken) {
             let way = DVec3::new(u[0], u[1], u[2]) - taken;
             let correction = [way, DVec3::new(u[3], u[4], u[5])];
             scratch.corrections.set(i, correction);
         }
-        let moment = self.position_moments();
-        let once = !self.taken.is_empty();
         let chunks = chunks::cut(members, scratch.contacts);
         team::map(self.sweeps.threads, chunks, |mut chunk| {
             for (slot, &m) in (chunk.first..).zip(chunk.list) {
                 let c = chunk.item(m);
                 let normal = DVec3::from(self.contacts[slot].normal);
-                if once {
-                    let nu = DVec3::from(self.impulses[slot]).dot(normal);
-                    c.nu = [nu, 0.0, 0.0, 0.0, 0.0, 0.0];
-                    // The loads come first, and tell what rested.
-                    (c.held, c.rested) = (false, c.resting && c.rested);
-                    continue;
-                }
-                record::set_frame(c, normal);
-                (c.held, c.rested) = (false, rested);
-                c.nu = record::packed(c, normal, DVec3::from(self.impulses[slot]), moment(slot));
+                let nu = DVec3::from(self.impulses[slot]).dot(normal);
+                c.nu = [nu, 0.0, 0.0, 0.0, 0.0, 0.0];
+                // The loads come first, and tell what rested.
+                c.rested &= c.resting;
             }
         });
     }

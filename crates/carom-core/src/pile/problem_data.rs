@@ -89,7 +89,7 @@ pub fn rows(
     let (mut multiplier, mut contacts) = (Vec::new(), Vec::with_capacity(stated.len()));
     for s in stated {
         let mut c = all[s.contact as usize];
-        record::turn_frame(&mut c, s.normal);
+        record::set_frame(&mut c, s.normal);
         (c.n0, c.n1) = (s.normal, s.normal);
         let dim = c.rows(model, s.normal, &mut rows);
         let z0 = record::packed(&c, s.normal, s.slip, s.turn);

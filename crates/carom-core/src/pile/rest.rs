@@ -1,41 +1,15 @@
 //! What rests and can be held stays ([`crate::level::rest`]), in piles of up to some thousand contacts.
 
-use super::closed_contact::{change, ClosedContact};
+use super::closed_contact::change;
 use super::{problem_data, roll};
 use crate::contact::Contact;
 use crate::impact::law::Law;
-use crate::level::rest::{self, Resting};
+use crate::level::rest;
 use crate::model::Model;
 use crate::pile::memory::Pile;
 use carom_solve::spheres::{Goal, Progress};
-use glam::DVec3;
 
 impl Pile {
-    /// Position level: whether the solution at hand moves what was at rest.
-    pub(super) fn moves(&self, resting: &Resting) -> bool {
-        let arm = |node: u32| self.bodies.get(node as usize).map_or(0.0, |b| b.radius);
-        let mut contacts = self.contacts.iter().zip(&resting.gap_start).enumerate();
-        contacts.any(|(k, (z, gap))| {
-            let Some(gap) = gap else {
-                return false;
-            };
-            let normal = DVec3::from(z.normal);
-            let m = ClosedContact {
-                a: z.a,
-                b: z.b,
-                normal,
-                arms: [z.a, z.b].map(arm),
-                ..ClosedContact::default()
-            };
-            let moved = DVec3::from(z.slip) + change(&m, &self.corrections) - *gap * normal;
-            let turned = self.rolls.get(k).map_or(0.0, |r| {
-                let turn = DVec3::from(r.turn) + roll::change(&m, &self.corrections);
-                r.length * turn.length()
-            });
-            moved.length().max(turned) > resting.bound
-        })
-    }
-
     /// Speed up to which all chosen contacts stay at rest, where they were so at t_n, and the position level left them so.
     fn rests_below(&self, model: &Model, contacts: &[Contact]) -> Option<f64> {
         let memory = &self.velocity;

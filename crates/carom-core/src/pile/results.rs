@@ -40,8 +40,6 @@ impl Pile {
                     key: (c.a, c.b),
                     impulse: m.load,
                     moment,
-                    position: DVec3::ZERO,
-                    position_moment: DVec3::ZERO,
                 });
             }
         }
@@ -149,17 +147,14 @@ impl Found {
                 });
             }
         } else {
-            record::turn_frame(c, m.normal);
+            record::set_frame(c, m.normal);
             c.lambda = record::packed(c, m.normal, m.impulse, turning.moment);
             c.status = m.status(m.impulse);
-            if m.load != DVec3::ZERO || c.nu[0] > 0.0 {
-                let [position, position_moment] = record::position(c, m.normal);
+            if m.load != DVec3::ZERO {
                 self.warm.push(Warm {
                     key: (c.a, c.b),
                     impulse: m.load,
                     moment: turning.load,
-                    position,
-                    position_moment,
                 });
             }
         }

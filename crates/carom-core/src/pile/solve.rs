@@ -6,7 +6,7 @@ use crate::contact::Contact;
 use crate::impact::compliant::{impulses, spring};
 use crate::impact::law::{expansion, Law};
 use crate::model::Model;
-use crate::pile::limits::{budget, finer, tolerance, worst, CLOSING_LEFT, PATIENCE};
+use crate::pile::limits::{budget, finer, tolerance, worst, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
 use carom_solve::rows::RowSystem;
@@ -198,11 +198,8 @@ impl Pile {
 
     fn goal(&self, model: &Model, problem: u32) -> Goal {
         let o = &model.options;
-        // What a sequence that was cut short leaves is no load: the next step has it as an impact. And in a pile that is being hit the
-        // loads are solved before its impacts, which come in every step: what still closes then joins them. (A pile that settles has no
-        // such impacts, and never came to rest.)
+        // What a sequence that was cut short leaves is no load: the next step has it as an impact.
         let end = match problem {
-            0 if self.velocity.hit => 1.0 / CLOSING_LEFT,
             0 | 1 => 1.0,
             _ => worst(self.velocity.chosen.len()),
         };

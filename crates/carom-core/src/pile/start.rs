@@ -3,13 +3,12 @@
 use super::closed_contact::Frame;
 use super::velocities::Velocities;
 use super::warm::Cursor;
-use super::{chunks, record};
+use super::chunks;
 use crate::contact::Contact;
-use crate::model::Model;
-use crate::pile::limits::{is_beyond, is_large};
+use crate::pile::limits::is_large;
 use crate::pile::memory::Pile;
-use crate::state::{State, Warm};
-use crate::stepper::{Prediction, Span};
+use crate::state::State;
+use crate::stepper::Span;
 use glam::DVec3;
 
 /// Fewest contacts of an island whose impacts need so many layers that the impulses of the positions tell more of them than nothing does. Too
@@ -21,111 +20,28 @@ fn has_waves(contacts: usize) -> bool {
 }
 
 impl Pile {
-    /// The position level: from the multipliers of the last step, or from those that this step has found where pairs have joined. Whether the
-    /// pile is large and either is hit everywhere or has been solved before in this step.
-    pub(super) fn start_positions(
-        &mut self,
-        model: &Model,
-        state: &State,
-        (contacts, members): (&[Contact], &[u32]),
-        linear: &[Prediction],
-        span: Span,
-        rolls: bool,
-    ) -> bool {
-        let threads = self.sweeps.threads;
-        let ratio = (span.h / state.warm_step).powi(2);
-        // Solved before in this step, but for contacts that have joined: only these are new.
-        let again = chunks::any(threads, members.len(), |k| {
-            contacts[members[k] as usize].nu[0] > 0.0
-        });
-        let large = is_large(members.len());
-        let of_load = 0.5 * span.h * span.h / state.warm_step;
-        let beyond = |w: &Warm| is_beyond(ratio * w.position, of_load * w.impulse);
-        // Of a pile that is being hit everywhere it is the impact that the positions hold, not a wedge.
-        let hit = large
-            && !again
-            && chunks::mostly(&chunks::map(threads, members.len(), |range| {
-                let mut cursor = Cursor::new(&state.warm);
-                let key = |m: &u32| (contacts[*m as usize].a, contacts[*m as usize].b);
-                let known = members[range].iter().filter_map(|m| cursor.find(key(m)));
-                known.fold([0, 0], |n, w| [n[0] + usize::from(beyond(w)), n[1] + 1])
-            }));
-        let begin = |cursor: &mut Cursor, m: u32| {
-            let c = &contacts[m as usize];
-            if again {
-                return record::position(c, c.n1);
-            }
-            let warm = cursor.find((c.a, c.b));
-            warm.map_or([DVec3::ZERO; 2], |w| {
-                if !hit && beyond(w) {
-                    [of_load * w.impulse, of_load * w.moment]
-                } else {
-                    [ratio * w.position, ratio * w.position_moment]
-                }
-            })
-        };
-        chunks::refill_parts(threads, &mut self.start, members.len(), |first, part| {
-            let mut cursor = Cursor::new(&state.warm);
-            for (start, &m) in part.iter_mut().zip(&members[first..]) {
-                *start = begin(&mut cursor, m)[0].to_array();
-            }
-        });
-        self.start_moments.clear();
-        if rolls {
-            let mut cursor = Cursor::new(&state.warm);
-            let moments = members.iter().map(|&m| begin(&mut cursor, m)[1]);
-            self.start_moments.extend(moments.map(|m| m.to_array()));
-        }
-        if !again {
-            self.start_sound(|i| model.mass[i] * linear[i].displacement.length());
-        }
-        large && (hit || again)
-    }
-
     /// The loads of the step on the chosen contacts: from those of the last one.
     pub(super) fn start_loads(&mut self, state: &State, contacts: &[Contact], span: Span) {
         let ratio = span.h / state.warm_step;
         let (closed, chosen) = (&self.velocity.closed, &self.velocity.chosen);
-        // Where a contact starts, whether it was there before, and whether its positions hold more than its loads.
-        let begin = |cursor: &mut Cursor, slot: u32, wedged: bool| {
+        let begin = |cursor: &mut Cursor, slot: u32| {
             let c = &contacts[closed[slot as usize].contact as usize];
             let warm = cursor.find((c.a, c.b));
-            let start = warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment]);
-            // What holds a sphere in its place holds its velocity too.
-            let holding = record::position(c, c.n1).map(|nu| 2.0 / span.h * nu);
-            let beyond = is_beyond(holding[0], start[0]);
-            let start = if beyond && wedged { holding } else { start };
-            (start, warm.is_some(), beyond)
+            warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment])
         };
         let threads = self.sweeps.threads;
-        let counts = chunks::map(threads, chosen.len(), |range| {
-            let mut cursor = Cursor::new(&state.warm);
-            chosen[range].iter().fold([0, 0], |n, &slot| {
-                let (_, was_there, beyond) = begin(&mut cursor, slot, true);
-                [
-                    n[0] + usize::from(was_there && beyond),
-                    n[1] + usize::from(was_there),
-                ]
-            })
-        });
-        // In a pile that is being hit everywhere it is the impact that the positions hold.
-        let hit = chunks::mostly(&counts);
-        let wedged = !hit || !has_waves(chosen.len());
         chunks::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
             let mut cursor = Cursor::new(&state.warm);
             for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
-                *start = begin(&mut cursor, slot, wedged).0[0].to_array();
+                *start = begin(&mut cursor, slot)[0].to_array();
             }
         });
         self.start_moments.clear();
         if !self.velocity.turning.is_empty() {
             let mut cursor = Cursor::new(&state.warm);
-            let moments = chosen
-                .iter()
-                .map(|&slot| begin(&mut cursor, slot, wedged).0[1]);
+            let moments = chosen.iter().map(|&slot| begin(&mut cursor, slot)[1]);
             self.start_moments.extend(moments.map(|m| m.to_array()));
         }
-        self.velocity.hit = hit && is_large(chosen.len());
     }
 
     /// Positions along normals alone: from what the loads have moved them by, or from those that this step has found where pairs have joined. Whether
@@ -207,7 +123,7 @@ impl Pile {
         chunks::each(threads, &mut self.start, |slot, start| {
             let m = &closed[slot];
             let c = &contacts[m.contact as usize];
-            let missing = record::position(c, c.n1)[0] / span.h - m.impulse;
+            let missing = c.nu[0] / span.h * c.n1 - m.impulse;
             if missing.dot(m.normal) > 0.0 {
                 *start = missing.to_array();
             }

@@ -36,8 +36,6 @@ pub(super) struct Velocities {
     pub load: f64,
     /// Of walls that change their velocity.
     pub wall_load: f64,
-    /// Stage 0: most contacts of a large pile hold more than their loads, since it is being hit.
-    pub hit: bool,
     /// Terms of eq. 44 of what is solved already in this step.
     pub terms: f64,
     /// Rows of the table of impacts, where every problem has its own.

@@ -40,8 +40,6 @@ mod tests {
                 key: (i / 7, i),
                 impulse: DVec3::splat(f64::from(i)),
                 moment: DVec3::ZERO,
-                position: DVec3::ZERO,
-                position_moment: DVec3::ZERO,
             })
             .collect();
         for stride in [1, 2, 5, 17, 60] {

@@ -17,7 +17,7 @@ use crate::state::State;
 use crate::step::{self, Attempt};
 use crate::timers::{Phase, Timers};
 use crate::wall::places::proximity;
-use crate::{candidates, finish, travel};
+use crate::{candidates, finish, loads_once, travel};
 use carom_solve::Bounds;
 use glam::DVec3;
 
@@ -264,10 +264,8 @@ fn project(
             scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
             scratch.shift[i] = [DVec3::ZERO; 2];
         }
-        // Pairs that only the projection pushed together start from their gap before it, like all others.
-        gaps(model, scratch, |c, gap| {
-            (c.gap_check, c.nu) = (gap, [0.0; 6])
-        });
+        scratch.contacts.iter_mut().for_each(|c| c.nu = [0.0; 6]);
+        loads_once::meet(model, scratch);
         let demand = Demand::or_accepted(accept);
         step::solve_positions(model, state, scratch, span, report, demand)?;
         for i in 0..model.spheres() {

@@ -95,8 +95,6 @@ pub fn bits(s: &Simulation) -> Vec<u64> {
         put(&[f64::from(w.key.0), f64::from(w.key.1)]);
         put(&w.impulse.to_array());
         put(&w.moment.to_array());
-        put(&w.position.to_array());
-        put(&w.position_moment.to_array());
     }
     out
 }

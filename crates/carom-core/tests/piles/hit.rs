@@ -3,7 +3,7 @@
 use super::*;
 use crate::common::{simulation, R};
 use scenes::drop;
-use threads::all_bits;
+use crate::common::bits;
 
 const TOLERANCE: f64 = 1e-3;
 
@@ -49,12 +49,12 @@ fn what_is_solved_roughly_first_overlaps_no_more_in_the_end() {
     assert!(whole.monitors.energy_max_rise < 2e-6 * scale);
 
     // The same bits on two threads, and from a state in the midst of it.
-    let end = all_bits(&whole);
+    let end = bits(&whole);
     let mut two = thrown(2);
     converge(&mut two, 100);
-    assert!(end == all_bits(&two));
+    assert!(end == bits(&two));
     let mut resumed = thrown(1);
     resumed.state = kept;
     converge(&mut resumed, 40);
-    assert!(end == all_bits(&resumed));
+    assert!(end == bits(&resumed));
 }

@@ -4,7 +4,8 @@ use super::*;
 use crate::common::{balls, simulation, G, MASS, R};
 use carom_core::ModelInput;
 use scenes::{cluster, drop, momenta};
-use threads::{all_bits, large};
+use crate::common::bits;
+use threads::large;
 
 /// Bounds in metres.
 const RHO: f64 = 0.05 * R;
@@ -213,7 +214,7 @@ fn threads_change_no_bit_of_rolling_piles() {
         let mut s = simulation(&rough(large(), RHO, DELTA), o);
         let reports = go_on(&mut s, 2);
         assert!(reports.iter().all(|r| r.largest_island >= 8 * 2_048));
-        all_bits(&s)
+        bits(&s)
     };
     let one = run(1);
     for threads in [3, 8] {
@@ -229,13 +230,13 @@ fn a_restored_rolling_pile_goes_on_with_the_same_bits() {
     converge(&mut whole, 400);
     let state = whole.state.clone();
     converge(&mut whole, 50);
-    let end = all_bits(&whole);
+    let end = bits(&whole);
     let resume = |forget: &dyn Fn(&mut carom_core::state::Warm)| {
         let mut s = simulation(&input, o.clone());
         s.state = state.clone();
         s.state.warm.iter_mut().for_each(forget);
         converge(&mut s, 50);
-        all_bits(&s)
+        bits(&s)
     };
     assert!(end == resume(&|_| ()));
     // Moments are started from: without them the bits differ.

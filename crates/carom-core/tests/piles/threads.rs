@@ -5,17 +5,6 @@ use crate::common::{bits, simulation};
 use carom_core::ModelInput;
 use scenes::{boxed, drop, lattice, Random};
 
-/// Every number of the state, position multipliers of warm starts among them.
-pub fn all_bits(s: &Simulation) -> Vec<u64> {
-    let mut out = bits(s);
-    for w in &s.state.warm {
-        for v in [w.position, w.position_moment] {
-            out.extend(v.to_array().map(f64::to_bits));
-        }
-    }
-    out
-}
-
 /// Touching balls that begin to press on each other and on the floor, every one with its own small velocity: eight chunks of the
 /// sweeps, for eight threads.
 pub fn large() -> ModelInput {
@@ -44,7 +33,7 @@ fn the_number_of_threads_changes_no_bit() {
         );
         assert!(reports.iter().any(|r| r.sweeps_position > 0));
         assert!(reports.iter().any(|r| r.sweeps_velocity > 4));
-        all_bits(&s)
+        bits(&s)
     };
     let one = run(1);
     for threads in [3, 8] {
@@ -69,9 +58,9 @@ fn a_restored_state_goes_on_with_the_same_bits() {
             s.state.warm.clear();
         }
         go_on(&mut s, 50);
-        all_bits(&s)
+        bits(&s)
     };
-    let end = all_bits(&whole);
+    let end = bits(&whole);
     assert!(end == resume(false));
     // The warm starts are used: without them the bits differ.
     assert!(end != resume(true));
