@@ -1,9 +1,9 @@
 //! What the problems of a pile start from.
 
+use super::chunks;
 use super::closed_contact::Frame;
 use super::velocities::Velocities;
 use super::warm::Cursor;
-use super::chunks;
 use crate::contact::Contact;
 use crate::pile::limits::is_large;
 use crate::pile::memory::Pile;

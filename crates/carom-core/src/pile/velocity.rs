@@ -329,10 +329,7 @@ impl ImpactIsland for SphereIsland<'_> {
             }
             Start::Positions => self.pile.start_last(self.contacts, self.span),
         }
-        let mut chosen = self.pile.velocity.chosen.iter();
-        let closed = self.model.options.impact.has_loads_first()
-            || chosen.any(|&slot| self.approaches(slot as usize));
-        self.pile.velocity.table.begin_problem(problem, closed);
+        self.pile.velocity.table.begin_problem(problem, true);
         self.report.impact_problems += 1;
         if law == Law::Springs {
             return self.pile.press(self.model, self.contacts);

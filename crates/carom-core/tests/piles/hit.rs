@@ -1,9 +1,9 @@
 //! Large piles that are hit everywhere at once, for which the position level goes its own way: starts, rough rounds.
 
 use super::*;
+use crate::common::bits;
 use crate::common::{simulation, R};
 use scenes::drop;
-use crate::common::bits;
 
 const TOLERANCE: f64 = 1e-3;
 

@@ -1,10 +1,10 @@
 //! Rolling and spinning friction in piles.
 
 use super::*;
+use crate::common::bits;
 use crate::common::{balls, simulation, G, MASS, R};
 use carom_core::ModelInput;
 use scenes::{cluster, drop, momenta};
-use crate::common::bits;
 use threads::large;
 
 /// Bounds in metres.
