@@ -67,8 +67,8 @@ OPTIONS: dict[str, Option] = {
     ),
     "impact": Option("law for several impacts at once"),
     "position_friction": Option(
-        "where friction of loads acts (law sequence of nsga only). once: loads are solved once, positions are corrected"
-        " along normals. paper: positions have a sub-problem with friction, as printed"
+        "where friction of loads acts (nsga only). once: loads are solved once, positions are corrected along normals."
+        " paper, as it always is by law sequence-paper: positions have a sub-problem with friction, as printed"
     ),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
