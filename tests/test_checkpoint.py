@@ -190,18 +190,3 @@ def test_a_run_in_parts_is_the_run_in_one(name: str, tmp_path: Path) -> None:
     assert [key for key in a if a[key] != b[key]] == [
         key for key in a if key in ("wall_s", "core_s", "phases")
     ]
-
-
-def test_a_checkpoint_from_before_piles_rolled_goes_on(tmp_path: Path) -> None:
-    """Its warm starts are three numbers shorter: the moments of the position level, which were 0."""
-    scene = kill_scenes.grains((4, 4, 2), {"step": 1e-3, "until": 0.6, "pile_contacts": 5}, rolling=0.0)
-    carom.simulate(scene, out=tmp_path / "whole")
-    carom.simulate(scene, until=0.5, out=tmp_path / "parts")
-    kept = checkpoint.load(checkpoint.found(tmp_path / "parts")[0])
-    warm = np.asarray(kept.state["warm_value"])
-    assert warm.shape == (len(warm), 12)
-    assert len(warm) > 5
-    assert not warm[:, 9:].any()
-    checkpoint.save(tmp_path / "parts", replace(kept, state={**kept.state, "warm_value": warm[:, :9]}))
-    carom.resume(tmp_path / "parts", until=0.6)
-    assert not differences(recorded(tmp_path / "parts"), recorded(tmp_path / "whole"), prefix=False)

@@ -116,7 +116,7 @@ def test_every_law_and_method_keeps_its_problems(impact: str, method: str) -> No
     projection = {"position_projection": True} if method == "moreau" else {}
     found = kept(model, 60, impact=impact, method=method, **projection)
     assert {(p["level"], len(p["bounds"]) > 1) for p in found} >= {("position", True), ("velocity", True)}
-    first = 0 if impact == "sequence" else 1
+    first = 1 if impact == "sequence-paper" else 0
     assert min(p["index"] for p in found if p["level"] == "velocity") >= first
     assert worst_err(found, 0.1) < 10 * TOLERANCE
 
