@@ -35,7 +35,9 @@ def test_sequences_that_are_cut_early_need_no_halves() -> None:
 def test_whoever_sets_the_halvings_gets_them_and_the_advice_that_is_left() -> None:
     with pytest.raises(CaromError) as caught:
         # A tolerance below rounding, which no rescue reaches.
-        carom.simulate(WEDGED, position_friction="paper", max_halvings=3, tolerance=1e-15, pile_tolerance=1e-15)
+        carom.simulate(
+            WEDGED, position_friction="paper", max_halvings=3, tolerance=1e-15, pile_tolerance=1e-15
+        )
     told = str(caught.value)
     assert re.search(r"not converged at step \d+", told)
     assert re.search(r"; try (pile_tolerance = 1e-[34] or )?max_halvings = 8$", told)
