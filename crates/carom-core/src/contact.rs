@@ -42,9 +42,9 @@ pub struct Contact {
     /// The part of `lambda` that the loads gave and impacts have not solved anew, where loads are solved once; its rows are those of the
     /// frame half-way between both ends of the step ([`Contact::middle`]).
     pub load: [f64; 6],
-    /// The normal with which the loads were solved, and what they have moved the bodies by in positions, kg m and kg m^2.
+    /// The normal with which the loads were solved, and what they have moved the bodies by in positions, as rows of the frame half-way to it, kg m.
     pub load_normal: DVec3,
-    pub moved: WorldImpulse,
+    pub moved: [f64; 6],
     /// Whether a joint holds one of its bodies: loads then act along the frame of `n1`, as what joints answer does. Where a joint and a contact
     /// nearly hold the same motion, large impulses in the frame half-way would give energy.
     pub jointed: bool,
@@ -83,7 +83,7 @@ impl Contact {
         (self.rested, self.status) = (false, Status::Gap);
         if once {
             (self.load, self.load_normal, self.resting) = ([0.0; 6], DVec3::ZERO, false);
-            self.moved = WorldImpulse::default();
+            self.moved = [0.0; 6];
         }
     }
 
@@ -165,20 +165,20 @@ impl Contact {
 
     /// Whether it has given its bodies velocities, or moved them.
     pub fn acts(&self) -> bool {
-        self.nu[0] != 0.0 || self.lambda[0] != 0.0 || self.moved.impulse != DVec3::ZERO
+        self.nu[0] != 0.0 || self.lambda[0] != 0.0 || self.moved[0] != 0.0
     }
 
     /// World vectors of what has moved the bodies in positions: `nu`, and what the loads have moved them by in place of their normal part in it.
     pub fn position_impulse(&self) -> WorldImpulse {
         let mut position = self.to_world(self.n1, &self.nu);
-        let WorldImpulse { impulse, moment } = self.moved;
-        if impulse != DVec3::ZERO {
-            let then = Contact {
-                n1: self.load_normal,
-                ..*self
-            };
-            position.impulse += impulse - impulse.dot(then.middle_normal()) * self.n1;
-            position.moment += moment;
+        if self.moved[0] != 0.0 {
+            let mut then = *self;
+            then.turn_to(self.load_normal);
+            let (middle, mut across) = (then.middle(), self.moved);
+            across[0] = 0.0;
+            let by_loads = middle.to_world(middle.n1, &across);
+            position.impulse += by_loads.impulse + self.moved[0] * (middle.n1 - self.n1);
+            position.moment += by_loads.moment;
         }
         position
     }

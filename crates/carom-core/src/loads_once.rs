@@ -1,7 +1,7 @@
 //! Loads that are solved once, around their level ([`crate::level::loads`]): which contacts take part, where the loads bring the spheres, and
 //! how contacts meet there.
 
-use crate::contact::{Contact, WorldImpulse};
+use crate::contact::Contact;
 use crate::level::rest;
 use crate::level::speeds::{opening, Speeds};
 use crate::model::Model;
@@ -77,14 +77,7 @@ pub(crate) fn advance(model: &Model, state: &State, scratch: &mut Scratch, h: f6
     let (threads, half) = (model.options.threads as usize, 0.5 * h);
     team::each(threads, load_shift, |way| *way = way.map(|w0| half * w0));
     team::each(threads, contacts, |c| {
-        if c.load != [0.0; 6] {
-            let middle = c.middle();
-            let load = middle.to_world(middle.n1, &c.load);
-            c.moved = WorldImpulse {
-                impulse: half * load.impulse,
-                moment: half * load.moment,
-            };
-        }
+        c.moved = c.load.map(|load| half * load);
     });
     team::fill(threads, position, |i| {
         state.position[i] + linear[i].displacement + load_shift[i][0]

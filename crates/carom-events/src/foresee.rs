@@ -10,8 +10,8 @@ use carom_core::{Model, State};
 use carom_geom::Shape;
 use glam::DVec3;
 
-/// Gap over the smaller radius (1) of bodies that touch. Larger: they meet too early; smaller: rounding parts what touches.
-const TOUCH: f64 = 1e-11;
+/// Gap of bodies that touch over what steps leave (1). Larger: they meet too early; below 1 what steps have left overlapping falls through.
+const TOUCH: f64 = 2.0;
 /// Speeds and accelerations over those of the scene (1) that are rounding.
 const ROUNDING: f64 = 1e-11;
 /// Flight (s) between two contacts of the same bodies that is none: what bounces ever faster has come to rest then.
@@ -57,7 +57,7 @@ impl Near {
 /// What counts as nothing for a body of radius `r`.
 pub fn nothing(model: &Model, fastest: f64, r: f64) -> Nothing {
     Nothing {
-        gap: TOUCH * r,
+        gap: TOUCH * model.options.gap_tolerance * r,
         speed: ROUNDING * fastest,
         acceleration: ROUNDING * (model.gravity.length() + fastest * fastest / r),
         flight: FLIGHT,

@@ -54,6 +54,8 @@ class Sums:
     """Position impulses, N s^2."""
     shift_size: F64
     shift_moments: tuple[F64, F64]
+    shift_turned: F64
+    """What these may be off by, N m s^2."""
     count: F64
     """Contacts of the body."""
 
@@ -90,7 +92,9 @@ def of_contacts(block: Block) -> Sums:
 
     shift = collect(pushed, -pushed)
     turned_by, shifted_by = moments(both, c.moment), moments(shifted, c.position_moment)
+    lent = np.zeros(len(c))
     if run.loads_once:
+        lent = loads_once.lent(block, shift)
         turned_by = (moment(loads_once.arms(block), c.moment),) * 2
         shifted_by = (moment(*loads_once.turns(block, shift)),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
@@ -105,6 +109,7 @@ def of_contacts(block: Block) -> Sums:
         shift=shift,
         shift_size=collect(norm(pushed), norm(pushed)),
         shift_moments=shifted_by,
+        shift_turned=collect(ra * lent, rb * lent),
         count=collect(np.ones(len(c)), np.ones(len(c))),
     )
 

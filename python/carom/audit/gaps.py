@@ -109,6 +109,8 @@ def complementarity(block: Block, tally: Tally) -> None:
         moved = 0.5 * run.h * forces.pushes(block)[0] + of_contacts.shift_size
         fall = np.concatenate([_load(block), _walls(block)], axis=1).max(axis=1)
         reach = forces.together(block, moved / run.mass) + 2.0 * run.h * fall[c.k]
+        # What an impact has taken all impulses from pushes no more.
+        reach[norm(c.impulse) == 0.0] = np.inf
         bound = bound + np.where(
             loads_once.holds_gap(block, of_contacts.shift), run.loosest["gap_tolerance"] * length, reach
         )

@@ -122,6 +122,19 @@ def holds_gap(block: Block, shift: F64) -> Bool:
     return np.asarray(normal > SURELY * size + (block.left(size) + block.floor)[c.k])
 
 
+def lent(block: Block, shift: F64) -> F64:
+    """(K,) N s^2 by how much the part across the frame of the loads of what moved bodies is not known. Where a contact has
+    opened since, what loads moved it by along the normal was taken back along another one.
+    """
+    c, run = block.rows, block.run
+    first, then = _solved_at(block, shift)
+    by_loads = norm(c.impulse) + run.mass[c.a] * (
+        norm(run.gravity) * run.h + norm(block.v1 - block.v0)[c.k, c.a]
+    )
+    size = 0.5 * run.h * by_loads * norm(unit(first + then) - c.normal)
+    return np.where(holds_gap(block, shift), 0.0, size)
+
+
 def _solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
     """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved."""
     c, run = block.rows, block.run

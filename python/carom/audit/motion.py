@@ -167,6 +167,7 @@ def _rotation(block: Block, s: Sums, loads: Loads, touched: Bool) -> tuple[list[
         rotation_vector(product(conjugate(exponential(psi + m / inertia)), turned)) for m in s.shift_moments
     ]
     bound = _rounding(block) * (4.0 + norm(dt * block.w0)) + loads.shift_slack[..., 1]
+    bound = bound + s.shift_turned / inertia[:, 0]
     bound = bound + np.where(
         single[:, None],
         0.0,
