@@ -322,7 +322,7 @@ impl Options {
     pub fn loads_once(&self) -> bool {
         self.position_friction == PositionFriction::Once
             && self.method == Method::Nsga
-            && self.impact.has_loads_first()
+            && !self.impact.is_printed()
     }
 
     /// Whether positions have a sub-problem with friction, as printed (eq. 37).

@@ -113,7 +113,7 @@ impl Impact {
             Impact::OneShot => LawFacts {
                 summary: "Newton's law on all closed contacts at once",
                 advice: "to compare with codes of Moreau's scheme",
-                loads_first: true,
+                loads_first: false,
                 energy: true,
                 restitution: Restitution::Newton,
                 problems: 1,

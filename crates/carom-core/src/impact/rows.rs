@@ -151,7 +151,8 @@ impl ImpactIsland for RowIsland<'_, '_> {
     fn solve(&mut self, law: Law, problem: u32, start: Start) -> bool {
         let warm = (start == Start::LastLoads).then(|| self.last_loads());
         self.impacts |= problem > 0;
-        let closed = self.model.options.impact.has_loads_first()
+        let closed = self.again
+            || self.model.options.impact.has_loads_first()
             || (self.work.chosen.iter()).any(|&slot| self.approaches(slot));
         self.work.table.begin_problem(problem, closed);
         if self.again && start == Start::LastLoads && self.still_hold() {

@@ -169,18 +169,24 @@ pub fn as_printed(island: &mut impl ImpactIsland) -> bool {
     end(island, Law::Plastic, later)
 }
 
-/// Newton's law on all closed contacts at once, where something still closes after the loads.
+/// Newton's law on all closed contacts at once. Where the loads have been solved before positions were, they come first, and are all
+/// there is if nothing approached or still closes.
 #[must_use]
 pub fn one_shot(island: &mut impl ImpactIsland) -> bool {
-    if loads(island).is_none() {
-        return false;
-    }
-    if !island.flags(|slot| island.closes(slot)).contains(&true) {
-        return true;
+    let mut start = Start::Nothing;
+    if island.again() {
+        if loads(island).is_none() {
+            return false;
+        }
+        let hits = |slot: usize| island.approaches(slot) || island.closes(slot);
+        if !island.flags(hits).contains(&true) {
+            return true;
+        }
+        start = Start::Loads;
     }
     island.choose(|_| true);
     island.drop_chosen();
-    solve_problem(island, Law::First, 1, Start::Loads)
+    solve_problem(island, Law::First, 1, start)
 }
 
 /// What a sequence that does not die out leaves is solved at once, with all contacts: then nothing closes. `later` as

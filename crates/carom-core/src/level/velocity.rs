@@ -8,6 +8,7 @@ use crate::impact::law::Law;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
+use crate::options::Impact;
 use crate::outcome::{ImpactRecord, Level};
 use crate::pile::limits::{fits, may_fall_back};
 use crate::report::StepReport;
@@ -91,7 +92,8 @@ fn solve_single<const MOVING: bool>(
     if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
         report.missed_impacts += 1;
     }
-    if speeds.largest() == 0.0 || check.normal >= -tol {
+    let one_shot = options.impact == Impact::OneShot;
+    if speeds.largest() == 0.0 || (!one_shot && check.normal >= -tol) {
         return;
     }
     let resting = match options.loads_once() {

@@ -329,7 +329,11 @@ impl ImpactIsland for SphereIsland<'_> {
             }
             Start::Positions => self.pile.start_last(self.contacts, self.span),
         }
-        self.pile.velocity.table.begin_problem(problem, true);
+        let mut chosen = self.pile.velocity.chosen.iter();
+        let closed = self.again
+            || self.model.options.impact.has_loads_first()
+            || chosen.any(|&slot| self.approaches(slot as usize));
+        self.pile.velocity.table.begin_problem(problem, closed);
         self.report.impact_problems += 1;
         if law == Law::Springs {
             return self.pile.press(self.model, self.contacts);

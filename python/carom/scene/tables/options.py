@@ -167,8 +167,8 @@ def kind(name: str, default: float | int | bool | str) -> Checked:
 
 def loads_once(options: Mapping[str, Any]) -> bool:
     """Whether a run with these options solves the loads of a step once, for velocities and positions."""
-    law = LAWS[options["impact"]]
-    return options["method"] == "nsga" and law.loads_first and options["position_friction"] == "once"
+    printed = LAWS[options["impact"]].restitution == "printed"
+    return options["method"] == "nsga" and not printed and options["position_friction"] == "once"
 
 
 #: Names of the options of the core.
