@@ -88,13 +88,16 @@ def _solve_loads(
     model: Model, state: State, free: FreeMotion, start: dict[tuple[int, int], Element], x: F64
 ) -> Loads:
     change = np.linalg.norm((free.u_check - state.u).reshape(-1, 6)[:, :3], axis=1)
+    sizes = np.linalg.norm(state.u.reshape(-1, 2, 3), axis=2)
+    speed = sizes[:, 0] + model.radius * sizes[:, 1]
     pairs = []
     for pair in model.pairs:
         e = start[pair.key]
         opening = float(e.rows[0] @ np.concatenate([state.u[6 * b : 6 * b + 6] for b in pair.bodies]))
         load = float(np.max(change[list(pair.bodies)]))
         reach = TOUCH * pair.radius + 0.5 * model.options.step * load
-        held = gap_and_normal(model, pair, state.x)[0] <= reach and opening <= load
+        slow = CLOSING_SPEED * float(np.max(speed[list(pair.bodies)]))
+        held = gap_and_normal(model, pair, state.x)[0] <= reach and opening <= load + slow
         if held or gap_and_normal(model, pair, x)[0] <= TOUCH * pair.radius:
             pairs.append(pair)
     found = Loads()

@@ -36,7 +36,9 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
         if !meets && c.gap_start > gap_allowed + 0.5 * h * speeds.load {
             return;
         }
-        c.resting = meets || opening(model, state, walls, c) <= speeds.load;
+        // Without loads what rolls over one another opens and closes by rounding, and by what solvers leave.
+        let slow = model.options.closing_tolerance_speed * speeds.speed;
+        c.resting = meets || opening(model, state, walls, c) <= speeds.load + slow;
         if c.resting {
             let p = place(model, walls, c, position);
             c.turn_to(p.normal);
