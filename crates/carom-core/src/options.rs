@@ -119,7 +119,7 @@ named_choice! {
 }
 
 named_choice! {
-    /// Where friction of the loads acts on positions (law `sequence` of method `nsga`; others have it as printed).
+    /// Where friction of the loads acts on positions (method `nsga`; law `sequence-paper` has it as printed).
     PositionFriction {
         /// As printed: a position sub-problem with friction of its own (eq. 37), beside the velocity sub-problem of the loads.
         Paper = "paper",

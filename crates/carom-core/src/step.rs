@@ -1,6 +1,6 @@
 //! The time step: Algorithm 1 of the paper, phase by phase. Start reading here.
 //!
-//! predict and smooth -> broad -> meet -> position -> velocity -> finish. The state is written in `finish` alone: a
+//! predict and smooth -> broad -> meet -> (loads ->) position -> velocity -> finish. The state is written in `finish` alone: a
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
 use crate::all_islands;

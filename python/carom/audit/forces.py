@@ -92,9 +92,9 @@ def of_contacts(block: Block) -> Sums:
 
     shift = collect(pushed, -pushed)
     turned_by, shifted_by = moments(both, c.moment), moments(shifted, c.position_moment)
-    lent = np.zeros(len(c))
+    unknown = np.zeros(len(c))
     if run.loads_once:
-        lent = loads_once.lent(block, shift)
+        unknown = loads_once.unknown_across(block, shift)
         turned_by = (moment(loads_once.arms(block), c.moment),) * 2
         shifted_by = (moment(*loads_once.turns(block, shift)),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
@@ -109,7 +109,7 @@ def of_contacts(block: Block) -> Sums:
         shift=shift,
         shift_size=collect(norm(pushed), norm(pushed)),
         shift_moments=shifted_by,
-        shift_turned=collect(ra * lent, rb * lent),
+        shift_turned=collect(ra * unknown, rb * unknown),
         count=collect(np.ones(len(c)), np.ones(len(c))),
     )
 

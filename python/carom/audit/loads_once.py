@@ -1,4 +1,4 @@
-"""Loads of a step that were solved once, for velocities and positions (`position_friction = "once"`; algorithm, section 12).
+"""Loads of a step that were solved once, for velocities and positions (the default; algorithm, section 12).
 
 Impulses `P0` of the loads act in the frame half-way between those at both ends of the step, `Gm`: its normal is `n_0 + n_1`
 over its length, and its tangents are those of `n_0` turned the shortest way. The laws of contact hold of their components,
@@ -122,7 +122,7 @@ def holds_gap(block: Block, shift: F64) -> Bool:
     return np.asarray(normal > SURELY * size + (block.left(size) + block.floor)[c.k])
 
 
-def lent(block: Block, shift: F64) -> F64:
+def unknown_across(block: Block, shift: F64) -> F64:
     """(K,) N s^2 by how much the part across the frame of the loads of what moved bodies is not known. Where a contact has
     opened since, what loads moved it by along the normal was taken back along another one.
     """

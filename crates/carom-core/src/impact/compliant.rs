@@ -25,9 +25,11 @@ const RESOLUTION: f64 = 500.0;
 const MOST_STEPS: usize = 2_000_000;
 /// Closing speed over the greatest one at the start (1) from which on a contact is compressed again. At 0 rounding is a collision.
 const CLOSING: f64 = 1e-8;
-/// Sweeps over the friction of a kick at most, and the change over the normal impulses (1) that ends them.
+/// Sweeps over the friction of a kick at most, and the change over the normal impulses (1) that ends them. Where rounding keeps it larger, up to the
+/// second share; beyond that the impact is not solved.
 const SWEEPS: usize = 100;
 const SETTLED: f64 = 1e-13;
+const UNSETTLED: f64 = 1e-6;
 
 /// Loads, then the impact as a whole, then what the loads have closed meanwhile.
 #[must_use]
@@ -89,7 +91,9 @@ pub fn impulses(system: &RowSystem, springs: &[[f64; 2]], law: Impact) -> Option
             at.drift(flights.fold(f64::INFINITY, f64::min));
         }
         at.drift(0.5 * dt);
-        at.kick(dt);
+        if !at.kick(dt) {
+            return None;
+        }
         at.drift(0.5 * dt);
     }
     None
@@ -147,7 +151,8 @@ impl Springs<'_> {
         self.system.push_row(c, row, impulse, &mut self.u);
     }
 
-    fn kick(&mut self, dt: f64) {
+    /// Whether its friction has settled.
+    fn kick(&mut self, dt: f64) -> bool {
         let mut most = 0.0;
         for i in 0..self.depth.len() {
             self.given[i] = [0.0; 3];
@@ -158,15 +163,14 @@ impl Springs<'_> {
                 self.give(i, 0, impulse);
             }
         }
+        let mut change = 0.0;
         for _ in 0..SWEEPS {
-            let mut change = 0.0;
-            for i in 0..self.depth.len() {
-                change = f64::max(change, self.rub(i));
-            }
+            change = (0..self.depth.len()).fold(0.0, |most, i| f64::max(most, self.rub(i)));
             if change <= SETTLED * most {
-                break;
+                return true;
             }
         }
+        change <= UNSETTLED * most
     }
 
     /// Friction of a contact in the kick at hand, all others given; its change.
