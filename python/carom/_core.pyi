@@ -127,10 +127,11 @@ class Simulation:
     contact laws `law_a, law_b (L,)` material indices (unordered pair), `friction, restitution, tangential_restitution,
     rolling_radius, spinning_radius (L,)`; and `options`: a dict with any keys of `defaults()` plus `step`.
 
-    Three lists may be left out. A law in them is `("constant", x)`, `("polynomial", [c0, c1, ...])`,
-    `("table", [[x, y], ...])` or `("expression", text)`, of the time t, in friction of the slip speed v:
+    Four lists may be left out. A law in them is `("constant", x)`, `("polynomial", [c0, c1, ...])`,
+    `("table", [[x, y], ...])` or `("expression", text)`, of the time t, in friction and
+    restitution of the slip or approach speed v:
 
-    - `friction_law` (L,): None, or a law in place of `friction`, which is 0 there
+    - `friction_law`, `restitution_law` (L,): None, or a law in place of `friction` or `restitution`, which is 0 there
     - `joints`: `{"a": int, "b": int or -1 for the ground, "rows": [(kind, direction, arm_a, arm_b, law), ...]}`; `kind` is
       `point` (`direction . (p_a - p_b)` follows the law), `distance` (`|p_a - p_b|` does) or `rotation` (of a against b
       about `direction`, counted from the law's value at the start); `p = x + R arm`, `arm_b` of the ground is the point

@@ -21,7 +21,7 @@ def spring_impulses(island: Island) -> F64:
     inverse = np.einsum("ij,ji->i", gradient, response)
     start = list(lay.start)
     radii = island.model.radius
-    restitution = [e.pair.law.restitution for e in island.elements]
+    restitution = [1.0] * len(start)
     stiffness = [
         float(1.0 / radii[e.pair.a] + (1.0 / radii[e.pair.b] if e.pair.plane < 0 else 0.0)) ** -0.5
         for e in island.elements
@@ -33,7 +33,11 @@ def spring_impulses(island: Island) -> F64:
 
     def drift(dt: float) -> None:
         for i, n in enumerate(start):
-            v, d, e = float(z[n]), depth[i], restitution[i]
+            v, d = float(z[n]), depth[i]
+            if v <= 0.0 or d <= 0.0:
+                work = 0.8 * inverse[n] * stiffness[i] * max(0.0, d) ** 2.5
+                restitution[i] = island.elements[i].pair.law.rebound(work**0.5)
+            e = restitution[i]
             if d > 0.0 and v > 0.0:
                 left = dt - d * e * e / v
                 depth[i] = -v * left if left >= 0.0 else d - v / (e * e) * dt

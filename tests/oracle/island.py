@@ -213,7 +213,7 @@ class Island:
             n, law = self.layout.start[i], e.pair.law
             speed = compressed[n] * inverse[n]
             if speed > 0.0 and speed >= self.model.options.restitution_threshold:
-                least[i] = law.restitution * compressed[n]
+                least[i] = law.rebound(speed) * compressed[n]
             if e.slides:
                 rows = slice(n + 1, n + 3)
                 offset[rows] = -law.tangential_restitution * inverse[rows] * compressed[rows]
@@ -232,7 +232,7 @@ class Island:
             threshold = self.model.options.restitution_threshold
             # zero means never: the unclipped law of the paper knows separating pre-impact velocities
             if threshold == 0.0 or -approach[i] >= threshold:
-                result[n] = law.restitution * (approach[i] if paper else min(0.0, approach[i]))
+                result[n] = law.rebound(-approach[i]) * (approach[i] if paper else min(0.0, approach[i]))
             restores = e.slides and self.model.options.impact not in ("compliant", "binary")
             if restores and (paper or approach[i] < -tolerance[i]):
                 rows = slice(n + 1, n + 3)

@@ -35,6 +35,14 @@ class Law:
     spinning_radius: float = 0.0
     friction_law: ScalarLaw | None = None
     """mu as a function of the slip speed [m/s] at t_n; takes the place of `friction`."""
+    restitution_law: ScalarLaw | None = None
+    """e_N as a function of the approach speed [m/s]; takes the place of `restitution`."""
+
+    def rebound(self, approach: float) -> float:
+        """e_N at an approach speed [m/s], 0 where it opens."""
+        if self.restitution_law is None:
+            return self.restitution
+        return min(1.0, max(0.0, self.restitution_law.value(max(0.0, approach))))
 
 
 @dataclass(frozen=True)
@@ -225,11 +233,15 @@ def _pairs(model: Mapping[str, Any], radius: F64, planes: int) -> list[Pair]:
     columns = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
     count = len(model.get("law_a", ()))
     table = [model.get(name, np.zeros(count)) for name in columns]
-    slip = [None if law is None else read_law(law) for law in model.get("friction_law", [None] * count)]
+    slip, rebound = (
+        [None if law is None else read_law(law) for law in model.get(name, [None] * count)]
+        for name in ("friction_law", "restitution_law")
+    )
     laws = {
         frozenset((int(a), int(b))): Law(
             **{name: float(column[i]) for name, column in zip(columns, table, strict=True)},
             friction_law=slip[i],
+            restitution_law=rebound[i],
         )
         for i, (a, b) in enumerate(zip(model.get("law_a", ()), model.get("law_b", ()), strict=True))
     }

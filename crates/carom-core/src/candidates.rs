@@ -196,13 +196,13 @@ fn begin(
         (c.t1, c.t2) = tangent_frame(start.normal);
     }
     (c.n0, c.n1, c.gap_start) = (start.normal, start.normal, start.gap);
-    if law.friction_law.is_some() {
+    if law.friction_law.is_some() || law.restitution_law.is_some() {
         c.bounds = bounds_at_start(model, state, walls, c)?;
     }
     Ok(())
 }
 
-/// Bounds of a contact in this step with a friction law, which is evaluated at the slip of t_n.
+/// Bounds of a contact in this step with laws, which are evaluated at the relative velocity of t_n.
 #[inline(never)]
 fn bounds_at_start(
     model: &Model,
@@ -222,7 +222,19 @@ fn bounds_at_start(
     if let Some(wall) = walls.start_twist(model, c, state.position[c.a as usize]) {
         slip -= wall.material;
     }
-    let across = slip - c.n0 * c.n0.dot(slip);
+    let along = c.n0.dot(slip);
+    if let Some(e) = &law.restitution_law {
+        let approach = (-along).max(0.0);
+        let (bodies, e) = ((c.a, c.b), e.value(approach));
+        if !(0.0..=1.0).contains(&e) {
+            return Err(Failure::Restitution {
+                bodies,
+                e,
+                approach,
+            });
+        }
+    }
+    let across = slip - c.n0 * along;
     let (slip, bodies) = (across.length(), (c.a, c.b));
     let mu = law.friction(slip);
     if !(mu >= 0.0 && mu.is_finite()) {

@@ -21,6 +21,8 @@ pub struct ContactLaw {
     pub friction_law: Option<Scalar>,
     /// Normal restitution e_N in [0, 1].
     pub restitution: f64,
+    /// e_N as a law of the approach speed (m/s) instead.
+    pub restitution_law: Option<Scalar>,
     /// Tangential restitution e_T in (-1, 1).
     pub tangential_restitution: f64,
 }
@@ -32,6 +34,15 @@ impl ContactLaw {
         match &self.friction_law {
             Some(law) => law.value(slip),
             None => self.bounds.sliding,
+        }
+    }
+
+    /// e_N at an approach speed, m/s (0 where it opens). What a law gives beyond 0 and 1 counts as these.
+    #[inline]
+    pub fn restitution(&self, approach: f64) -> f64 {
+        match &self.restitution_law {
+            Some(law) => law.value(approach.max(0.0)).clamp(0.0, 1.0),
+            None => self.restitution,
         }
     }
 }

@@ -113,6 +113,12 @@ pub enum Failure {
         mu: f64,
         slip: f64,
     },
+    /// A law of restitution gave `e` at an approach speed, m/s: not from 0 to 1.
+    Restitution {
+        bodies: (u32, u32),
+        e: f64,
+        approach: f64,
+    },
 }
 
 /// Level of a sub-problem.

@@ -365,6 +365,7 @@ impl Outcome {
             Failure::MissingLaw(..) => "missing_law",
             Failure::Load => "load_failed",
             Failure::Friction { .. } => "friction_failed",
+            Failure::Restitution { .. } => "restitution_failed",
             Failure::TooFar { .. } => "too_fast",
             Failure::TooManyPairs => "too_many_pairs",
             Failure::TooManySubsteps => "too_many_substeps",
@@ -414,6 +415,9 @@ impl Outcome {
             }
             (Failure::Friction { .. }, _) => {
                 "a friction law must give a finite number not below 0 at every slip speed that occurs: max(0, ...) helps"
+            }
+            (Failure::Restitution { .. }, _) => {
+                "a law of restitution must give a number from 0 to 1 at every approach speed that occurs: min(1, ...) and max(0, ...) help"
             }
             (Failure::Load, _) => {
                 "mend the law or the function of what is named: a load, a joint or the motion of a wall"

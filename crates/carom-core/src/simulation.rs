@@ -398,6 +398,14 @@ impl Simulation {
                 out.bodies = pair(bodies);
                 out.message = Some(format!("mu = {mu} at a slip of {slip:.3e} m/s"));
             }
+            Failure::Restitution {
+                bodies,
+                e,
+                approach,
+            } => {
+                out.bodies = pair(bodies);
+                out.message = Some(format!("e_N = {e} at an approach of {approach:.3e} m/s"));
+            }
             Failure::Load => {
                 let said = self.scratch.load_error.take();
                 out.bodies = said.iter().filter_map(|e| e.body).collect();

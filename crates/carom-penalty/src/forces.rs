@@ -3,6 +3,7 @@
 use crate::bodies::Bodies;
 use crate::elastic::Elastic;
 use crate::friction::{slowed, TangentialSpring};
+use crate::law::damping;
 use crate::pair::Pair;
 use carom_core::options::{Options, PenaltyFriction};
 use carom_core::Model;
@@ -22,6 +23,13 @@ impl Pair {
     ) {
         let s = self.closing_speed(bodies);
         self.touch.approach = self.touch.approach.max(s);
+        if self.constants.varies && self.damped_at != self.touch.approach {
+            self.damped_at = self.touch.approach;
+            if let Some(law) = self.law {
+                let law = &model.laws[law as usize];
+                self.constants.damping = damping(&model.options, law, self.damped_at);
+            }
+        }
         let to_middle = if then_kick { 0.5 * tau } else { -0.5 * tau };
         let middle = s + to_middle * self.closing_acceleration(bodies);
         let normal = self.force * tau + self.damp(bodies, s, middle, tau);

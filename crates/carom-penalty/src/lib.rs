@@ -12,7 +12,7 @@ pub mod damping;
 pub mod elastic;
 mod forces;
 mod friction;
-mod law;
+pub mod law;
 mod limit;
 mod method;
 mod pair;

@@ -29,6 +29,8 @@ pub struct Pair {
     /// Index of its contact law; without one the bodies may come near, not touch.
     pub law: Option<u32>,
     pub constants: LawConstants,
+    /// Approach speed of its damping, m/s, where that varies.
+    pub damped_at: f64,
     pub radii: [f64; 2],
     /// r_c, m.
     pub length: f64,
@@ -79,6 +81,7 @@ impl Pair {
             a: key.0,
             b: key.1,
             law,
+            damped_at: 0.0,
             constants: law.map_or_else(LawConstants::default, |l| laws.contacts[l as usize]),
             radii: [ra, rb],
             length: if wall.is_some() { ra } else { ra.min(rb) },

@@ -59,8 +59,9 @@ pub(crate) fn list<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Vec<B
     }
 }
 
-pub fn friction_laws(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Option<Scalar>>> {
-    list(dict, "friction_law")?
+/// Laws in place of numbers of contact laws: `friction_law`, `restitution_law`.
+pub fn contact_laws(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<Option<Scalar>>> {
+    list(dict, name)?
         .iter()
         .map(|value| (!value.is_none()).then(|| law(value)).transpose())
         .collect()

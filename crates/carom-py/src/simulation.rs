@@ -14,7 +14,7 @@ use carom_core::options::Method;
 use carom_core::problem::Steps;
 use carom_core::report::Spread;
 use carom_core::{Model, Recording};
-use carom_penalty::damping;
+use carom_penalty::{damping, law};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Duration;
@@ -321,9 +321,9 @@ impl Simulation {
         out.set_item("substep_min", m.substep_min)?;
         let mut found = Vec::new();
         for law in &model.laws {
-            let chi = damping::chi(o.penalty_law, law.restitution, o.penalty_least_restitution);
+            let chi = law::damping(o, law, 0.0);
             let entry = PyDict::new(py);
-            entry.set_item("restitution", law.restitution)?;
+            entry.set_item("restitution", law.restitution(0.0))?;
             entry.set_item("damping", chi)?;
             entry.set_item("restitution_effective", damping::restitution(chi))?;
             found.push(entry);

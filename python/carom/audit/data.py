@@ -154,14 +154,29 @@ class Run:
         column = np.append(np.asarray(self.model[name], dtype=np.float64), np.nan)
         return np.asarray(column[index])
 
-    def friction(self, index: I64, slip: F64) -> F64:
-        """mu at the slip speed of the start of the step, m/s; without a law of it the constant."""
-        mu = self.coefficient("friction", index)
-        for k, form in enumerate(self.model.get("friction_law") or ()):
+    def varying(self, name: str, index: I64, speed: F64) -> F64:
+        """A coefficient that may be a law of a speed, m/s; without one the constant."""
+        found = self.coefficient(name, index)
+        for k, form in enumerate(self.model.get(f"{name}_law") or ()):
             if form is not None:
                 mine = index == k
-                mu[mine] = law(form, slip[mine])[0]
-        return mu
+                found[mine] = law(form, speed[mine])[0]
+        return found
+
+    def friction(self, index: I64, slip: F64) -> F64:
+        """mu at the slip speed of the start of the step, m/s."""
+        return self.varying("friction", index, slip)
+
+    def restitution(self, index: I64, approach: F64) -> F64:
+        """e_N at the approach speed, m/s."""
+        return np.clip(self.varying("restitution", index, np.maximum(approach, 0.0)), 0.0, 1.0)
+
+    def rebound(self, index: I64, approach: F64, slack: F64) -> F64:
+        """How much `e_N v` may change where the approach speed v is known to `slack`, beyond that of a constant e_N."""
+        if not self.model.get("restitution_law"):
+            return np.zeros(len(index))
+        near = [self.restitution(index, approach + side * slack) for side in (-1.0, 1.0)]
+        return np.asarray(np.abs(near[1] - near[0]) * np.maximum(approach, 0.0))
 
     @property
     def friction_varies(self) -> bool:

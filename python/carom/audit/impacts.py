@@ -228,8 +228,8 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
         why = "loads, joints or another law than Newton's stand between the recorded speeds"
         block.skip(tally, "impact", why, r.k, missing)
         return
-    e = run.coefficient("restitution", run.law_index(r.a, r.b))
-    e = np.where(r.problem == 0, 0.0, e)
+    index = run.law_index(r.a, r.b)
+    e = np.where(r.problem == 0, 0.0, run.restitution(index, -r.approach))
     slow = -r.approach < run.options["restitution_threshold"]
     load = norm(run.gravity) * run.h
     for w, wall in enumerate(run.walls):
@@ -246,7 +246,7 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     # An impact takes back what carried the weight above its contact: at most all of it, on the lighter body.
     lightest = np.minimum(run.mass[r.a], np.append(run.mass, np.inf)[np.minimum(r.b, run.bodies)])
     load = load * 2.0 + np.maximum(load * run.mass.sum() / lightest, _taken_back(block, r))
-    unknown = e * (load + run.options["restitution_threshold"])
+    unknown = e * (load + run.options["restitution_threshold"]) + run.rebound(index, -r.approach, load)
     bound = unknown + left + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation))
     # What loads may have added grows with the weight of all bodies: where it reaches the speeds of the impact, only a value
     # beyond it says anything, and one within it is no proof.

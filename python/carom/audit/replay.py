@@ -304,17 +304,17 @@ class Replay:
         o, index = run.options, self.law[rows]
         printed, poissons = (run.impact_law.restitution == law for law in ("printed", "poisson"))
         acts = (r.problem > 0) & ~(run.ends(r.problem) & printed) & (not poissons)
-        e_n = np.where(acts, run.coefficient("restitution", index), 0.0)
         e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal
         if printed:
             towards = self._rates(rows, (before_impact[a], before_impact[b]), old=True, printed=True).normal
         else:
-            e_n = np.where(-towards < o["restitution_threshold"], 0.0, e_n)
+            acts &= -towards >= o["restitution_threshold"]
             # Whether a contact that hardly approaches restores slip is for the closing tolerance to say.
             clear = towards < -(weight + 1e-6 * scale)
             e_t = np.where(clear | (e_t == 0.0), e_t, np.where(towards >= 0.0, 0.0, np.nan))
             towards = np.minimum(towards, 0.0)
+        e_n = np.where(acts, run.restitution(index, -towards), 0.0)
         # Between the solutions without restitution and with it (rule R4) nothing closes, no more. Nor in an expansion, whose
         # least impulses no table has.
         expands = poissons & (r.problem > 1)
@@ -330,7 +330,8 @@ class Replay:
         value = bounds.misfit(
             after.normal + r.scale * e_n * towards, np.where(scaled | expands, 0.0, push), own[0]
         )
-        self._tell("impact", every, value, 2.0 * own[0] * left + noise)
+        left_speed = 2.0 * own[0] * left + noise
+        self._tell("impact", every, value, left_speed + run.rebound(index, -towards, left_speed))
         mu = self.mu[rows]
         z = after.slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
         most = mu * np.maximum(push, 0.0)

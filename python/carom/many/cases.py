@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
-from carom.scene.assembly.arrays import LAW_KEYS, resolved_tree
+from carom.scene.assembly.arrays import LAW_KEYS, VARYING, resolved_tree
 from carom.scene.scene import Scene
 
 Values = ArrayLike
@@ -133,10 +133,10 @@ class Overrides:
                 model[place.array] = model[place.array].copy()
                 touched.add(place.array)
             model[place.array][place.index] = self.values[key][case]
-            if place.array == "friction" and "friction_law" in model:
-                laws = list(model["friction_law"])
+            if place.array in VARYING and (name := f"{place.array}_law") in model:
+                laws = list(model[name])
                 laws[place.index[0]] = None  # the number takes the place of the law
-                model["friction_law"] = laws
+                model[name] = laws
         if touched & {"mass", "radius"}:
             self._inertia(model, touched)
         if "orientation" in touched:

@@ -49,6 +49,8 @@ pub struct ModelInput {
     pub laws: Vec<(u32, u32, [f64; 5])>,
     /// Per law: mu as a law of the slip speed instead of the number. Empty: none.
     pub friction_law: Vec<Option<Scalar>>,
+    /// The same of the normal restitution.
+    pub restitution_law: Vec<Option<Scalar>>,
     pub joints: Vec<Joint>,
     pub loads: Vec<Arc<dyn Load>>,
 }

@@ -232,12 +232,18 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
     }
     let mut table = vec![0u32; materials * materials];
     let mut laws = Vec::with_capacity(input.laws.len());
-    if !input.friction_law.is_empty() && input.friction_law.len() != input.laws.len() {
-        return Err(ModelError::Length {
-            name: "friction_law",
-            found: input.friction_law.len(),
-            expected: input.laws.len(),
-        });
+    let varying = [
+        ("friction", "friction_law", &input.friction_law),
+        ("restitution", "restitution_law", &input.restitution_law),
+    ];
+    for (_, name, list) in varying {
+        if !list.is_empty() && list.len() != input.laws.len() {
+            return Err(ModelError::Length {
+                name,
+                found: list.len(),
+                expected: input.laws.len(),
+            });
+        }
     }
     for (index, (a, b, values)) in input.laws.iter().enumerate() {
         let [mu, e_n, e_t, rho, delta] = *values;
@@ -264,11 +270,15 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             let text = format!("is {e_t}; it must lie in (-1, 1)");
             return Err(entry("contact law", index, "tangential_restitution", text));
         }
-        let friction_law = input.friction_law.get(index).cloned().flatten();
-        if let Some(law) = &friction_law {
-            law.check()
-                .map_err(|text| entry("contact law", index, "friction", text))?;
+        let mut functions = [None, None];
+        for (function, (quantity, _, list)) in functions.iter_mut().zip(varying) {
+            *function = list.get(index).cloned().flatten();
+            if let Some(law) = function {
+                law.check()
+                    .map_err(|text| entry("contact law", index, quantity, text))?;
+            }
         }
+        let [friction_law, restitution_law] = functions;
         let id = laws.len() as u32 + 1;
         table[*a as usize * materials + *b as usize] = id;
         table[*b as usize * materials + *a as usize] = id;
@@ -280,6 +290,7 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             },
             friction_law,
             restitution: e_n,
+            restitution_law,
             tangential_restitution: e_t,
         });
     }

@@ -14,7 +14,7 @@
 use super::law::Law;
 use super::sequence::{loads, loads_first, solve_problem, ImpactIsland, Start};
 use crate::contact::Contact;
-use crate::model::Model;
+use crate::model::{ContactLaw, Model};
 use crate::options::Impact;
 use carom_solve::rows::{RowSystem, NODE_DOF};
 
@@ -52,8 +52,16 @@ pub fn through_springs(island: &mut impl ImpactIsland) -> bool {
     true
 }
 
-/// Restitution and stiffness (of any unit) of a contact.
-pub fn spring(model: &Model, c: &Contact) -> [f64; 2] {
+/// A contact as a spring.
+#[derive(Clone, Copy)]
+pub struct ContactSpring<'a> {
+    law: &'a ContactLaw,
+    /// Of any unit.
+    stiffness: f64,
+}
+
+/// The spring of a contact.
+pub fn spring<'a>(model: &'a Model, c: &Contact) -> ContactSpring<'a> {
     let of_b = match model.radius.get(c.b as usize) {
         Some(radius) => 1.0 / radius,
         None => model.wall(c.b).curvature(),
@@ -61,11 +69,14 @@ pub fn spring(model: &Model, c: &Contact) -> [f64; 2] {
     let radius = model.radius[c.a as usize];
     // A sphere that fills its hollow wall has no curvature left.
     let curvature = (1.0 / radius + of_b).max(1e-3 / radius);
-    [c.law(model).restitution, curvature.sqrt().recip()]
+    ContactSpring {
+        law: c.law(model),
+        stiffness: curvature.sqrt().recip(),
+    }
 }
 
 /// Impulses of an impact, per row: `system` has the measures before it, `springs` what [`spring`] says. Nothing: it did not end.
-pub fn impulses(system: &RowSystem, springs: &[[f64; 2]], law: Impact) -> Option<Vec<f64>> {
+pub fn impulses(system: &RowSystem, springs: &[ContactSpring], law: Impact) -> Option<Vec<f64>> {
     let contacts = &system.contacts;
     let mut at = Springs {
         system,
@@ -74,6 +85,7 @@ pub fn impulses(system: &RowSystem, springs: &[[f64; 2]], law: Impact) -> Option
         u: vec![0.0; NODE_DOF * system.nodes()],
         lambda: vec![0.0; system.rows()],
         depth: vec![0.0; contacts.len()],
+        restitution: vec![1.0; contacts.len()],
         given: vec![[0.0; 3]; contacts.len()],
     };
     let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -system.z0[c.row as usize]));
@@ -101,11 +113,13 @@ pub fn impulses(system: &RowSystem, springs: &[[f64; 2]], law: Impact) -> Option
 
 struct Springs<'a> {
     system: &'a RowSystem,
-    springs: &'a [[f64; 2]],
+    springs: &'a [ContactSpring<'a>],
     keeps_gaps: bool,
     u: Vec<f64>,
     lambda: Vec<f64>,
     depth: Vec<f64>,
+    /// e_N of what was compressed: by the speed that all of its work makes.
+    restitution: Vec<f64>,
     /// Impulses of the kick at hand.
     given: Vec<[f64; 3]>,
 }
@@ -119,16 +133,30 @@ impl Springs<'_> {
 
     /// The unit of time of a contact that is compressed or closes: by the speed that it has, and would have without its spring.
     fn unit(&self, i: usize, least: f64) -> Option<f64> {
-        let (v, d, [_, k]) = (self.measure(i, 0), self.depth[i].max(0.0), self.springs[i]);
-        let inverse = self.system.diag[self.system.contacts[i].row as usize] * k;
-        let squared = v * v + 0.8 * inverse * d * d * d.sqrt();
+        let (v, d, inverse) = (self.measure(i, 0), self.depth[i], self.inverse(i));
+        let squared = v * v + self.squared(i);
         let moves = squared > least * least && (d > 0.0 || v < 0.0);
         moves.then(|| inverse.powf(-0.4) * squared.powf(-0.1))
     }
 
+    /// Inverse mass times stiffness.
+    fn inverse(&self, i: usize) -> f64 {
+        self.system.diag[self.system.contacts[i].row as usize] * self.springs[i].stiffness
+    }
+
+    /// Square of the speed that the work of compression makes.
+    fn squared(&self, i: usize) -> f64 {
+        let d = self.depth[i].max(0.0);
+        0.8 * self.inverse(i) * d * d * d.sqrt()
+    }
+
     fn drift(&mut self, dt: f64) {
-        for (i, [e, _]) in self.springs.iter().enumerate() {
+        for (i, spring) in self.springs.iter().enumerate() {
             let (v, d) = (self.measure(i, 0), self.depth[i]);
+            if v <= 0.0 || d <= 0.0 {
+                self.restitution[i] = spring.law.restitution(self.squared(i).sqrt());
+            }
+            let e = self.restitution[i];
             // Time that is left when it is no longer compressed.
             let opens = d > 0.0 && v > 0.0;
             let left = if opens { dt - d * e * e / v } else { dt };
@@ -158,7 +186,7 @@ impl Springs<'_> {
             self.given[i] = [0.0; 3];
             let d = self.depth[i];
             if d > 0.0 {
-                let impulse = self.springs[i][1] * d * d.sqrt() * dt;
+                let impulse = self.springs[i].stiffness * d * d.sqrt() * dt;
                 most = f64::max(most, impulse);
                 self.give(i, 0, impulse);
             }

@@ -1,18 +1,24 @@
 //! Newton's impact law: what restitution adds to the measures of a contact (eqs. 16, 24). And Poisson's: what a contact gets back.
 
+use crate::model::ContactLaw;
 use crate::options::Options;
 
-/// What a contact with `[e_N, e_T]` has in the expansion: the least normal impulse, and the factor of the tangential impulse of compression that is the
+/// What a contact has in the expansion: the least normal impulse, and the factor of the tangential impulse of compression that is the
 /// measure of slip there. `compressed`: that normal impulse, N s; `inverse` masses of normal and tangential rows, 1/kg.
 pub fn expansion(
-    [e_n, e_t]: [f64; 2],
+    material: &ContactLaw,
     compressed: f64,
     inverse: [f64; 2],
     o: &Options,
 ) -> [f64; 2] {
     let speed = compressed * inverse[0];
     let acts = speed > 0.0 && speed >= o.restitution_threshold;
-    [if acts { e_n * compressed } else { 0.0 }, -e_t * inverse[1]]
+    let least = if acts {
+        material.restitution(speed) * compressed
+    } else {
+        0.0
+    };
+    [least, -material.tangential_restitution * inverse[1]]
 }
 
 /// Which velocities `V_minus` restitution acts on.
@@ -48,16 +54,20 @@ impl Law {
         matches!(self, Law::First | Law::Expansion | Law::Springs)
     }
 
-    /// Of a contact with `[e_N, e_T]` that approaches by `approach` (m/s, negative: it closes): what is added to the normal
+    /// Of a contact that approaches by `approach` (m/s, negative: it closes): what is added to the normal
     /// measure, and the factor of the slip of `V_minus` that is added to the tangential ones. Closing counts from `tol` on.
     #[inline]
-    pub fn terms(self, [e_n, e_t]: [f64; 2], approach: f64, o: &Options, tol: f64) -> [f64; 2] {
+    pub fn terms(self, material: &ContactLaw, approach: f64, o: &Options, tol: f64) -> [f64; 2] {
+        let (e_n, e_t) = (
+            || material.restitution(-approach),
+            material.tangential_restitution,
+        );
         match self {
             Law::Plastic | Law::Compression | Law::Expansion | Law::Springs => [0.0; 2],
-            Law::Printed => [e_n * approach, e_t],
+            Law::Printed => [e_n() * approach, e_t],
             Law::First | Law::Later => {
                 let slow = -approach < o.restitution_threshold;
-                let e_n = if slow { 0.0 } else { e_n };
+                let e_n = if slow { 0.0 } else { e_n() };
                 let restores = approach < -tol && o.impact.restores_slip();
                 let e_t = if restores { e_t } else { 0.0 };
                 [e_n * approach.min(0.0), e_t]

@@ -196,9 +196,8 @@ impl<const MOVING: bool> Lone<'_, MOVING> {
     #[inline(always)]
     fn measures(&self, law: Law) -> ContactMeasures {
         let (mut z, material) = (self.check, self.c.law(self.model));
-        let e = [material.restitution, material.tangential_restitution];
         let o = &self.model.options;
-        let [along, across] = law.terms(e, self.approach, o, self.tol);
+        let [along, across] = law.terms(material, self.approach, o, self.tol);
         z.normal += along;
         z.slip[0] += across * self.slip[0];
         z.slip[1] += across * self.slip[1];

@@ -22,8 +22,8 @@ pub(super) struct ClosedContact {
     /// Lever arms, m.
     pub arms: [f64; 2],
     pub friction: f64,
-    pub restitution: f64,
-    pub tangential: f64,
+    /// Index among the contact laws of the model.
+    pub law: u32,
     /// It closes below minus this normal velocity, m/s.
     pub closing: f64,
     /// Impulse on A of all problems so far, and of the loads alone.

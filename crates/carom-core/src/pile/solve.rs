@@ -89,8 +89,8 @@ impl Pile {
             let (m, r) = (&mut memory.closed[slot as usize], DVec3::from(*r));
             let inverse = m.inverse_masses(bodies);
             let normal = r.dot(m.normal);
-            let e = [m.restitution, m.tangential];
-            let [least, across] = expansion(e, normal, inverse, &model.options);
+            let [least, across] =
+                expansion(&model.laws[m.law as usize], normal, inverse, &model.options);
             m.expansion = (across * (r - normal * m.normal), least);
             expands |= least > 0.0;
         }

@@ -98,8 +98,7 @@ impl Velocities {
         if law == Law::Later {
             minus += Self::relative(m, &self.jump) - Self::relative(m, &self.offset);
         }
-        let e = [m.restitution, m.tangential];
-        self.newton(&model.options, (m.normal, m.closing), e, z, minus)
+        self.newton(model, (m.normal, m.closing), m.law, z, minus)
     }
 
     /// A contact and its measures at `u = 0` as a problem has them, whose impulses act in `frame`. Its law is asked for along the contact's own normal: of
@@ -125,18 +124,19 @@ impl Velocities {
         (stated, z)
     }
 
-    /// The measure `z` of a contact with what Newton's law with `[e_N, e_T]` adds for `V_minus`.
+    /// The measure `z` of a contact with what Newton's law adds for `V_minus`.
     #[inline]
     pub fn newton(
         &self,
-        o: &Options,
+        model: &Model,
         (normal, closing): (DVec3, f64),
-        e: [f64; 2],
+        law: u32,
         z: DVec3,
         minus: DVec3,
     ) -> DVec3 {
         let approach = minus.dot(normal);
-        let [along, across] = Law::Later.terms(e, approach, o, closing);
+        let [along, across] =
+            Law::Later.terms(&model.laws[law as usize], approach, &model.options, closing);
         let z = z + along * normal;
         if across == 0.0 {
             return z;

@@ -149,7 +149,6 @@ impl Pile {
         chunks::refill(threads, &mut memory.closed, list.len(), |k| {
             let index = list[k];
             let c = &contacts[index as usize];
-            let law = c.law(model);
             ClosedContact {
                 contact: index,
                 a: node(model, node_of, c.a),
@@ -158,8 +157,7 @@ impl Pile {
                 normal: c.n1,
                 arms: [model.radius[c.a as usize], c.radius_b(model)],
                 friction: c.bounds.sliding,
-                restitution: law.restitution,
-                tangential: law.tangential_restitution,
+                law: c.law,
                 scale: 1.0,
                 ..ClosedContact::default()
             }

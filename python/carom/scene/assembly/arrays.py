@@ -24,6 +24,9 @@ EXPANDED = 10_000
 
 LAW_KEYS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
 
+VARYING = ("friction", "restitution")
+"""Those that may be laws of a speed."""
+
 
 def bodies(tree: Scenario) -> Bodies:
     """All balls of a scenario."""
@@ -74,17 +77,17 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
 
 
 def _constant(value: LawValue) -> float:
-    """The number of a contact law, 0 where a law of the slip speed takes its place."""
+    """The number of a contact law, 0 where a law takes its place."""
     return 0.0 if isinstance(value, dict) else value
 
 
 def _mechanics(tree: Scenario, balls: Bodies) -> dict[str, Any] | None:
-    """Joints, loads and friction laws, each only if there are any; None if a name or a function is unknown."""
+    """Joints, loads and laws of contacts, each only if there are any; None if a name or a function is unknown."""
     found: dict[str, Any] = {}
-    if any(isinstance(c.friction, dict) for c in tree.contact):
-        found["friction_law"] = [
-            as_core(c.friction) if isinstance(c.friction, dict) else None for c in tree.contact
-        ]
+    for name in VARYING:
+        values = [getattr(c, name) for c in tree.contact]
+        if any(isinstance(value, dict) for value in values):
+            found[f"{name}_law"] = [as_core(value) if isinstance(value, dict) else None for value in values]
     if not (tree.joint or tree.load or tree.spring or tree.drag or tree.load_function):
         return found
     number = numbers(balls)

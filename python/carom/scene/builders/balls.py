@@ -68,7 +68,7 @@ class Builder:
         b: str,
         *,
         friction: float | str | Mapping[str, Any],
-        restitution: float,
+        restitution: float | str | Mapping[str, Any],
         tangential_restitution: float | None = None,
         rolling_radius: Number | None = None,
         spinning_radius: Number | None = None,
@@ -76,16 +76,16 @@ class Builder:
         """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
 
         `friction` mu >= 0, a number or a law of the slip speed `v`, as "0.01 + 0.1*exp(-v)" or any `{"expression": ...}`;
-        `restitution` e_N in [0, 1]; `tangential_restitution` e_T in (-1, 1); `rolling_radius` rho and
-        `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m.
+        `restitution` e_N in [0, 1], the same of the approach speed; `tangential_restitution` e_T in (-1, 1);
+        `rolling_radius` rho and `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m.
         """
         label = f"Scene.contact({quoted(a)}, {quoted(b)})"
         contact = make(
             Contact,
             label,
             between=(a, b),
-            friction={"expression": friction} if isinstance(friction, str) else friction,
-            restitution=restitution,
+            friction=_law(friction),
+            restitution=_law(restitution),
             tangential_restitution=tangential_restitution,
             rolling_radius=rolling_radius,
             spinning_radius=spinning_radius,
@@ -245,3 +245,8 @@ class Builder:
             cause = f"there is already a sphere or wall {quoted(name)}"
             raise ScenarioError([Problem(label, "name", cause, "give another name")])
         self._names.add(name)
+
+
+def _law(value: float | str | Mapping[str, Any]) -> float | Mapping[str, Any]:
+    """A law in the words of a scenario: a text is an expression."""
+    return {"expression": value} if isinstance(value, str) else value

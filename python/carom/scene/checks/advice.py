@@ -231,7 +231,7 @@ def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
     bodies, names = parts.bodies(), parts.materials()
     kinds = {names[k] for k in np.unique(bodies.material) if k >= 0}
     for i, law in parts.contacts():
-        if law.restitution < 1:
+        if value_at(law.restitution, 0.0) < 1:
             continue
         for plane in parts.walls():
             if plane.kind not in FLAT:

@@ -178,7 +178,7 @@ def advise_gain(parts: Parts, world: World) -> Iterator[Finding]:
         if share > worst.get(law, (WORTH_TELLING,))[0]:
             worst[law] = (share, other, safe)
     for i, (share, other, safe) in sorted(worst.items()):
-        e_n, e_t = laws[i].restitution, laws[i].tangential_restitution
+        e_n, e_t = value_at(laws[i].restitution, 0.0), laws[i].tangential_restitution
         means = f"e_N = {e_n:g}" + (f", e_T = {e_t:g}" if e_t else "")
         with_ = "two such contacts" if other == i else f"this contact and one of {_pair(laws[other])}"
         cause = (
@@ -240,7 +240,8 @@ def _gains(parts: Parts, world: World, guarded: bool, paper: bool) -> Iterator[t
 
 def _side(law: Contact, inverse_mass: float = 0.0, inverse_spin: float = 0.0) -> Side:
     friction = value_at(law.friction, 0.0)
-    return Side(friction, law.restitution, law.tangential_restitution, inverse_mass, inverse_spin)
+    e_n = value_at(law.restitution, 0.0)
+    return Side(friction, e_n, law.tangential_restitution, inverse_mass, inverse_spin)
 
 
 def _angles(a: _Partner, b: _Partner, radius: float) -> tuple[float, float] | None:

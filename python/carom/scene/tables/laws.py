@@ -1,4 +1,4 @@
-"""Laws of one variable: a number, a polynomial, a table or an expression in `t` (time, s) or `v` (slip speed, m/s).
+"""Laws of one variable: a number, a polynomial, a table or an expression in `t` (time, s) or `v` (a speed, m/s).
 
 A law is kept as it is written: a float, or a dict with one of the keys `polynomial`, `table`, `expression`. The core
 evaluates it in the steps; here it is only looked at before a run, to say what is wrong with it.
@@ -35,7 +35,8 @@ _POINT = Vector(size=2)
 
 @dataclass(frozen=True)
 class Law(Checked):
-    """A law of `variable` whose values have `dimension`; `bounds` hold for a constant and for the value at zero."""
+    """A law of `variable` whose values have `dimension`; `bounds` hold for a constant, for the
+    value at zero and for the points of a table."""
 
     variable: str
     dimension: str = "number"
@@ -53,9 +54,10 @@ class Law(Checked):
             raise refuse(cause, f"write one of {self._examples()}")
         ((form, given),) = value.items()
         try:
-            law: LawValue = {form: _FORMS[form](given, self.variable)}
+            values = _FORMS[form](given, self.variable)
         except PydanticCustomError as e:
             raise inside(form, e) from None
+        law: LawValue = {form: values}
         start = value_at(law, 0.0)
         if not math.isfinite(start):
             cause = f"has no finite value at {self.variable} = 0{fault_at(law, 0.0)}"
@@ -64,6 +66,10 @@ class Law(Checked):
             wanted = self.bounds.words()
             cause = f"must be {wanted} at {self.variable} = 0, found {start:.6g}"
             raise refuse(cause, f"change the {form} so that its value there is {wanted}", (form,))
+        for k, (x, y) in enumerate(values if form == "table" else ()):
+            if not self.bounds.hold(y):
+                cause = f"must be {self.bounds.words()} everywhere, found {y:.6g} at {self.variable} = {x:g}"
+                raise refuse(cause, "change this point", (form, k))
         return law
 
     def _constant(self, value: Any) -> float:

@@ -111,8 +111,9 @@ class Contact(Table):
     friction: Annotated[LawValue, Law("v", bounds=NOT_NEGATIVE)] = key(
         "coefficient mu of sliding friction, a number or a law of the slip speed v", examples=[0.2]
     )
-    restitution: Annotated[float, Quantity("number", Bounds(ge=0, le=1))] = key(
-        "normal restitution e_N, from 0 (no rebound) to 1", examples=[0.9]
+    restitution: Annotated[LawValue, Law("v", bounds=Bounds(ge=0, le=1))] = key(
+        "normal restitution e_N, from 0 (no rebound) to 1, a number or a law of the approach speed v",
+        examples=[0.9],
     )
     tangential_restitution: Annotated[float, Quantity("number", Bounds(gt=-1, lt=1))] = key(
         "tangential restitution e_T", default=0.0, examples=[0.0]

@@ -85,11 +85,10 @@ impl ImpactScratch {
         let mut expands = false;
         for (&slot, c) in self.chosen.iter().zip(&self.sub.contacts) {
             let material = scratch.contacts[self.members[slot] as usize].law(model);
-            let e = [material.restitution, material.tangential_restitution];
             let (from, to) = (c.row as usize, self.full.contacts[slot].row as usize);
             let slides = c.bounds.sliding > 0.0;
             let inverse = [0, usize::from(slides)].map(|r| self.sub.diag[from + r]);
-            let [least, across] = expansion(e, self.lambda[from], inverse, &model.options);
+            let [least, across] = expansion(material, self.lambda[from], inverse, &model.options);
             self.expansion[to] = least;
             for r in 1..if slides { 3 } else { 1 } {
                 self.expansion[to + r] = across * self.lambda[from + r];
@@ -106,7 +105,7 @@ impl ImpactScratch {
         self.velocity.clone_from(&self.v_old);
         self.build(model, contacts, Law::Compression);
         let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
-        let springs: Vec<[f64; 2]> = self.chosen.iter().map(of).collect();
+        let springs: Vec<_> = self.chosen.iter().map(of).collect();
         let Some(lambda) = impulses(&self.sub, &springs, model.options.impact) else {
             return false;
         };
@@ -256,8 +255,8 @@ impl ImpactScratch {
                 Law::Printed => self.printed_approach(&c, contact),
                 _ => self.relative::<0>(&c, c.row as usize, &self.v_minus),
             };
-            let e = [material.restitution, material.tangential_restitution];
-            let [normal, across] = law.terms(e, approach, &model.options, self.closing[slot]);
+            let [normal, across] =
+                law.terms(material, approach, &model.options, self.closing[slot]);
             sub.z0[row] += normal;
             if across != 0.0 && contact.bounds.sliding > 0.0 {
                 for r in 1..3 {

@@ -185,9 +185,9 @@ impl Batch {
             let [now, minus] = self.copies.relative(velocity, cluster, edge, sides);
             self.before.push([now, minus]);
             let slip = velocity.newton(
-                &view.model.options,
+                view.model,
                 (edge.normal, f64::from(edge.closing)),
-                edge.restitution,
+                edge.law,
                 now,
                 minus,
             );

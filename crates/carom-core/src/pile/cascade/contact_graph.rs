@@ -19,8 +19,7 @@ pub(super) struct Edge {
     pub closing: f32,
     pub normal: DVec3,
     pub friction: f64,
-    /// e_N and e_T.
-    pub restitution: [f64; 2],
+    pub law: u32,
 }
 
 /// A sphere: a line of memory. Its spin is the surface velocity `s = r w`, so that no contact needs its lever arms.
@@ -103,7 +102,7 @@ impl ContactGraph {
                 closing: m.closing as f32,
                 normal: m.normal,
                 friction: m.friction,
-                restitution: [m.restitution, m.tangential],
+                law: m.law,
             }
         });
         let edges = &self.edges;
