@@ -281,3 +281,62 @@ def test_chains_have_the_sizes_and_gaps_that_are_asked_for() -> None:
     result = simulated(chain(3, gap=1e-3))
     assert result.velocity[-1][:, 0] == pytest.approx([0, 0, 1], abs=1e-9)
     assert simulated(column(3)).names == ["1", "2", "3"]
+
+
+# ---------------------------------------------------------------------------------------------- the expansion, judged
+
+
+def heap(e_t: float = 0.0) -> carom.Scene:
+    """A ball falls on two that lie side by side on a floor: the impulses of compression are unique."""
+    scene = carom.Scene(gravity=(0, 0, -9.81))
+    scene.contact("m", "m", friction=0.1, restitution=0.5, tangential_restitution=e_t)
+    scene.contact("m", "floor", friction=0.3, restitution=0.8, tangential_restitution=e_t)
+    scene.plane("floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))
+    for name, x in (("a", 0.0), ("b", 0.02)):
+        scene.sphere(name, radius=0.01, material="m", density=7800.0, position=(x, 0, 0.01))
+    height = 0.01 + 0.01 * np.sqrt(3.0)
+    scene.sphere("c", radius=0.01, material="m", density=7800.0, position=(0.01, 0, height),
+                 velocity=(0.05, 0.1, -1.0))  # fmt: skip
+    return scene
+
+
+def law_of_the_floor(key: str, value: float) -> Callable[[Path], None]:
+    def plant(run: Path) -> None:
+        path = run / "scenario.toml"
+        head, floor = path.read_text("utf-8").split('between = ["m", "floor"]')
+        path.write_text(
+            f'{head}between = ["m", "floor"]{re.sub(f"(?m)^{key} = .*", f"{key} = {value}", floor, count=1)}'
+        )
+
+    return plant
+
+
+@pytest.mark.parametrize("e_t", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("plant", "kind"),
+    [
+        (law_of_the_floor("restitution", 0.81), "impact"),
+        (law_of_the_floor("restitution", 0.79), "impact"),
+        (law_of_the_floor("tangential_restitution", 0.32), "slip"),
+    ],
+)
+def test_the_auditor_finds_the_impulses_of_compression(
+    e_t: float, plant: Callable[[Path], None], kind: str, tmp_path: Path
+) -> None:
+    simulated(
+        heap(e_t), impact="poisson", step=1e-4, until=1e-3, impacts="every", out=tmp_path / "run"
+    ).close()
+    assert check(tmp_path / "run").ok
+    plant(tmp_path / "run")
+    assert check(tmp_path / "run")[kind].word == "violated"
+
+
+def test_the_auditor_misses_an_expansion_that_was_left_out(tmp_path: Path) -> None:
+    """The run of a plastic impact, whose file says e_N = 0.8."""
+    scene = heap()
+    for law in scene.contacts:
+        law.restitution = 0.0
+    simulated(scene, impact="poisson", step=1e-4, until=1e-4, impacts="every", out=tmp_path / "run").close()
+    assert check(tmp_path / "run").ok
+    law_of_the_floor("restitution", 0.8)(tmp_path / "run")
+    assert check(tmp_path / "run")["impact"].word == "violated"

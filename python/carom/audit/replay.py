@@ -11,9 +11,9 @@ with the jump `W` by the problems before, `W_0` that of problem 0 (loads), `s` t
 `z_T = gamma_T^+ + s e_T G_T V^-` as in `cones`. The contacts of a problem do no work together (rule R4), the first one
 counted from the motion that problem 0 has left. It takes back what joints and loads answered to impulses of problem 0 that
 remain, and answers them anew. The problem that ends a sequence which was cut obeys the same law; that of
-`sequence-paper` has no restitution. By Poisson's law the first problem has none, and after the second nothing closes. An
-impact through springs is no contact problem: of it energy, cones and speeds are judged.
-Bounds: `bounds`.
+`sequence-paper` has no restitution. By Poisson's law the first problem has none, and the second gives at least e_N of the
+impulses of compression (`compression`). An impact through springs is no contact problem: energy, cones and speeds of it
+are judged. Bounds: `bounds`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, bounds, forces, loads_once, works
+from carom.audit import answers, bounds, compression, forces, loads_once, works
 from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
@@ -168,6 +168,14 @@ class Replay:
         )
         self.plain *= np.where(answering, 1.0 + np.sqrt(inert[1].max() / inert[0].min()), 1.0)
         self.answering = answering
+        self.pressed: compression.Compression | None = None
+        if run.impact_law.restitution == "poisson":
+            every, joined = slice(0, len(r)), groups(block, r)
+            before = self._rates(every, (self.old[self.at[0]], self.old[self.at[1]]), old=True)
+            held = answering[r.k]
+            self.pressed = compression.of_rows(
+                run, r, joined, self.lever, (before.normal, before.slip), self.mu, held
+            )
 
     def run_all(self) -> dict[str, Told]:
         """Problem 0, then 1, 2, ...; what the laws say of each."""
@@ -204,6 +212,7 @@ class Replay:
                 minus[where] += own
             self.now[where] += own
         self._tell_works()
+        self._tell_missing()
         return {
             kind: Told(*map(np.concatenate, zip(*parts, strict=True))) for kind, parts in self.told.items()
         }
@@ -242,6 +251,30 @@ class Replay:
         value = np.abs(c.work[mine] - summed[mine]).max(axis=1, initial=0.0)
         order = np.argsort(last[mine])
         self._tell("work", last[mine][order], value[order], spread[mine][order])
+
+    def _tell_missing(self) -> None:
+        """Contacts that were compressed have a row of the expansion, where no restitution was taken back in the step."""
+        if self.pressed is None:
+            return
+        run, r, first = self.block.run, self.r, self.pressed.first
+        expanded = np.isin(first, first[r.problem > 1])
+        whole = run.steps["restitution_scale"][r.step - 1] == 1.0
+        rows = np.flatnonzero((first == np.arange(len(r))) & ~expanded & whole)
+        normal, own = self.pressed.normal[rows], self.compliance[0][rows]
+        least = self._least(rows, normal)[0]
+        left = 8.0 * self.block.tolerance[r.k[rows]] * self.plain[r.k[rows]]
+        bound = (
+            2.0 * own * left * (1.0 + np.nan_to_num(self.pressed.gain[rows]))
+            + 64.0 * EPS * self.top[r.k[rows]]
+        )
+        self._tell("impact", rows, own * np.nan_to_num(least), bound)
+
+    def _least(self, rows: slice | I64, normal: F64) -> tuple[F64, F64]:
+        """(K,) normal impulses of expansion at least, of those of compression, and the approach speeds of these."""
+        run, index = self.block.run, self.law[rows]
+        speed = normal * self.compliance[0][rows]
+        acts = (speed > 0.0) & (speed >= run.options["restitution_threshold"])
+        return np.where(acts, run.restitution(index, speed), 0.0) * normal, speed
 
     def _wrenches(self) -> tuple[F64, F64]:
         """Momenta that each row gives its two bodies, (K, 6); none to walls."""
@@ -315,10 +348,9 @@ class Replay:
             e_t = np.where(clear | (e_t == 0.0), e_t, np.where(towards >= 0.0, 0.0, np.nan))
             towards = np.minimum(towards, 0.0)
         e_n = np.where(acts, run.restitution(index, -towards), 0.0)
-        # Between the solutions without restitution and with it (rule R4) nothing closes, no more. Nor in an expansion, whose
-        # least impulses no table has.
-        expands = poissons & (r.problem > 1)
-        e_t = np.where(expands & (run.coefficient("tangential_restitution", index) != 0.0), np.nan, e_t)
+        # Between the solutions without restitution and with it (rule R4) nothing closes, no more.
+        given, slip, spread = self._expansion(rows, own, left)
+        e_t = np.where(np.isnan(given), np.nan, e_t)
         scaled = (r.scale > 0.0) & (r.scale < 1.0)
         if scaled.any():
             # What balls join has one share.
@@ -328,14 +360,20 @@ class Replay:
             np.maximum.at(high, joined, r.scale)
             self._tell("counts", every, high[joined] - low[joined], np.zeros(len(every)))
         value = bounds.misfit(
-            after.normal + r.scale * e_n * towards, np.where(scaled | expands, 0.0, push), own[0]
+            after.normal + r.scale * e_n * towards,
+            np.where(scaled | np.isnan(given), 0.0, push - np.nan_to_num(given)),
+            own[0],
         )
+        short = own[0] * np.maximum(np.nan_to_num(given) - push, 0.0)
+        value = np.where(scaled, value, np.maximum(value, short))
         left_speed = 2.0 * own[0] * left + noise
-        self._tell("impact", every, value, left_speed + run.rebound(index, -towards, left_speed))
+        self._tell(
+            "impact", every, value, left_speed + own[0] * spread + run.rebound(index, -towards, left_speed)
+        )
         mu = self.mu[rows]
-        z = after.slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
+        z = after.slip + slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
         most = mu * np.maximum(push, 0.0)
-        defect = opposed(self.slide[rows], z, most, left, 2.0 * own[1] * left + noise)
+        defect = opposed(self.slide[rows], z, most, left, 2.0 * own[1] * left + noise + own[1] * spread)
         sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0) & ~scaled)
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
         self._tell("slip", every[sure], defect[sure], limit)
@@ -346,6 +384,22 @@ class Replay:
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)
         np.maximum.at(self.top, k, norm(reach[:, :3]) + run.radius[body] * norm(reach[:, 3:]))
+
+    def _expansion(self, rows: slice, own: list[F64], left: F64) -> tuple[F64, F64, F64]:
+        """Least normal impulses (K,) and what is added to the slip (K, 3) by Poisson's law, not a number where they are not
+        known; how much the solver's may differ. None but in an expansion.
+        """
+        run, r, index = self.block.run, self.r.of(rows), self.law[rows]
+        least, slip, spread = np.zeros(len(r)), np.zeros((len(r), 3)), np.zeros(len(r))
+        if self.pressed is None or r.problem[0] < 2:
+            return least, slip, spread
+        normal, sliding = self.pressed.normal[rows], self.pressed.sliding[rows]
+        least, speed = self._least(rows, normal)
+        e_t = run.coefficient("tangential_restitution", index)
+        slip = -(e_t * own[1])[:, None] * np.nan_to_num(sliding)
+        spread = np.nan_to_num(self.pressed.gain[rows]) * 2.0 * left
+        spread = spread + run.rebound(index, speed, own[0] * spread) / own[0]
+        return least, slip, spread
 
     def _turning(self, rows: slice, left: F64, after: Rates, sure: I64) -> None:
         """Moments of a problem in their bounds, and against the motion after it: these know no restitution."""

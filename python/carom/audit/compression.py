@@ -1,0 +1,129 @@
+"""Impulses of compression of Poisson's law, which no table has: those that stop the motion before the step.
+
+    0 <= z_N, P_N >= 0, P_N z_N = 0,   P_T = the nearest in the disc of radius mu P_N to P_T - z_T/D_TT,   z = G v_n + W P
+
+over the contacts of a group, by sweeps and Newton's method on dense matrices. Of a group with more than `MOST` contacts,
+with rolling or spinning bounds, with joints or dampers, whose solution was not found or is not one, nothing is known.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from carom.arrays import F64, I64, Bool
+from carom.audit.data import Run
+from carom.audit.hits import Hits
+
+#: Contacts of a group: its matrix has three rows for each.
+MOST = 60
+#: Rounds of sweeps and a step of Newton's method, and the residual over the largest impulse that ends them.
+ROUNDS, SWEEPS, SOLVED = 60, 5, 1e-13
+#: How much of a residual the solution may hold of before it counts as one of many.
+UNIQUE = 1e7
+
+
+class Compression(NamedTuple):
+    """Of each row of the table, not a number where nothing is known."""
+
+    normal: F64
+    """(K,) impulse, N s."""
+    sliding: F64
+    """(K, 3)."""
+    gain: F64
+    """(K,) largest change of an impulse over that of the residual."""
+    first: I64
+    """(K,) number of the first row of its contact in the step."""
+
+
+def of_rows(
+    run: Run, r: Hits, group: I64, lever: F64, motion: tuple[F64, F64], mu: F64, held: Bool
+) -> Compression:
+    """`lever` (K, 3) of the rows, `motion` their normal and slip velocities before the step; `held` by joints or dampers."""
+    many, index = len(run.names), run.law_index(r.a, r.b)
+    _, first, contact = np.unique((r.k * many + r.a) * many + r.b, return_index=True, return_inverse=True)
+    turns = run.coefficient("rolling_radius", index) + run.coefficient("spinning_radius", index) > 0.0
+    approach, slip = motion
+    normal, sliding, gain = (np.full(shape, np.nan) for shape in (len(r), (len(r), 3), len(r)))
+    for g in np.unique(group[r.problem > 0]):
+        rows = first[group[first] == g]
+        if len(rows) > MOST or (held | turns)[rows].any():
+            continue
+        ways, gradient, inverse = _rows(run, r.of(rows), lever[rows])
+        across = ways[:, 1:]
+        z = np.column_stack([approach[rows], np.einsum("ktx,kx->kt", across, slip[rows])])
+        solved = solve((gradient * inverse) @ gradient.T, z.ravel(), mu[rows])
+        if solved is not None:
+            normal[rows], gain[rows] = solved[0][:, 0], solved[1]
+            sliding[rows] = np.einsum("kt,ktx->kx", solved[0][:, 1:], across)
+    each = first[contact]
+    return Compression(normal[each], sliding[each], gain[each], each)
+
+
+def _rows(run: Run, r: Hits, lever: F64) -> tuple[F64, F64, F64]:
+    """Directions (n, 3, 3) of the rows of contacts, their gradients (3n, 6m) by the velocities of m balls, 1/M."""
+    bodies = np.unique(np.concatenate([r.a, r.b[r.b < run.bodies]]))
+    axis = np.eye(3)[np.argmin(np.abs(lever), axis=1)]
+    t1 = np.cross(axis, lever)
+    t1 /= np.linalg.norm(t1, axis=1)[:, None]
+    ways = np.stack([r.normal, t1, np.cross(lever, t1)], axis=1)
+    turns = np.cross(ways, lever[:, None])
+    turns[:, 0] = 0.0
+    gradient = np.zeros((len(r), 3, len(bodies), 6))
+    for of, sign in ((r.a, 1.0), (r.b, -1.0)):
+        rows = np.flatnonzero(of < run.bodies)
+        at = np.searchsorted(bodies, of[rows])
+        gradient[rows, :, at, :3] = sign * ways[rows]
+        gradient[rows, :, at, 3:] = run.radius[of[rows], None, None] * turns[rows]
+    inverse = np.repeat(1.0 / np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1).ravel()
+    return ways, gradient.reshape(3 * len(r), -1), inverse
+
+
+def solve(w: F64, q: F64, mu: F64) -> tuple[F64, float] | None:
+    """Impulses (n, 3) and the largest change of one over that of the residual; None: not found, or not unique."""
+    n, step = len(mu), 1.0 / np.diag(w)
+    r, scale = np.zeros(3 * n), float(np.abs(step * q).max(initial=0.0))
+    for _ in range(ROUNDS):
+        for i in np.tile(np.arange(n), SWEEPS):
+            rows = slice(3 * i, 3 * i + 3)
+            r[rows] = _projected(r[rows] - step[rows] * (w[rows] @ r + q[rows]), mu[i])
+        residual, slope = _natural(w, q, mu, step, r)
+        if np.linalg.cond(slope) < UNIQUE:
+            tried = r - np.linalg.solve(slope, residual)
+            after, new = _natural(w, q, mu, step, tried)
+            if np.abs(after).max() < np.abs(residual).max():
+                r, residual, slope = tried, after, new
+        if np.abs(residual).max() <= SOLVED * scale:
+            least = float(np.linalg.svd(slope, compute_uv=False)[-1])
+            return (r.reshape(n, 3), 1.0 / least) if least * UNIQUE > 1.0 else None
+    return None
+
+
+def _projected(xi: F64, mu: float) -> F64:
+    """Onto the half-line and the disc that goes with it."""
+    normal = max(0.0, float(xi[0]))
+    size = float(np.hypot(xi[1], xi[2]))
+    share = min(1.0, mu * normal / size) if size > 0.0 else 0.0
+    return np.array([normal, share * xi[1], share * xi[2]])
+
+
+def _natural(w: F64, q: F64, mu: F64, step: F64, r: F64) -> tuple[F64, F64]:
+    """`r - P(r - z/D)`, and its slope by `r`."""
+    xi = r - step * (w @ r + q)
+    moved = np.eye(len(r)) - step[:, None] * w
+    residual, slope = r.copy(), np.eye(len(r))
+    for i, m in enumerate(mu):
+        rows, n, t = slice(3 * i, 3 * i + 3), 3 * i, slice(3 * i + 1, 3 * i + 3)
+        residual[rows] -= _projected(xi[rows], float(m))
+        if xi[n] <= 0.0:
+            continue
+        slope[n] -= moved[n]
+        size = float(np.hypot(*xi[t]))
+        if size <= m * xi[n]:
+            slope[t] -= moved[t]
+        elif m > 0.0:
+            way = xi[t] / size
+            turned = (np.eye(2) - np.outer(way, way)) @ moved[t]
+            slope[t] -= m * (np.outer(way, moved[n]) + xi[n] / size * turned)
+    return residual, slope
