@@ -118,6 +118,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... must rise from point to point, found ... after ...": [
         ("load", '[[load]]\non = "cue"\nforce = [0,0,{ table = [[1,0],[0,1]] }]\n')
     ],
+    "must be ... everywhere, found ... at ... = ...": [
+        ("contact", "restitution = 0.5 -> restitution = { table = [[0, 0.5], [1, 2.0]] }")
+    ],
     "expected a formula, found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = 3 }]\n')],
     "cannot read ...: ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "2*" }]\n')],
     "unknown name ... in ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "x" }]\n')],
