@@ -15,7 +15,7 @@ SWEEPS, SETTLED = 100, 1e-13
 
 
 def spring_impulses(island: Island) -> F64:
-    """Impulses (m,) from the velocities before the step; contacts alone act."""
+    """Impulses (m,) from the velocities before the step; of contacts, which joints answer."""
     lay, gradient, gaps = island.layout, island.gradient, island.model.options.impact == "compliant"
     response = (gradient / lay.mass).T
     inverse = np.einsum("ij,ji->i", gradient, response)
@@ -27,6 +27,7 @@ def spring_impulses(island: Island) -> F64:
         for e in island.elements
     ]
     z, impulses = gradient @ island.u_n, np.zeros(lay.rows)
+    z[lay.joint_rows] = 0.0
     depth = [0.0] * len(start)
     coupling = gradient @ response
     least = CLOSING * max(0.0, *(-z[n] for n in start))
@@ -54,6 +55,10 @@ def spring_impulses(island: Island) -> F64:
         most = float(np.max(given))
         for _ in range(SWEEPS):
             change = 0.0
+            for j in range(lay.joint_rows.start, lay.joint_rows.stop):
+                answer = -z[j] / inverse[j]
+                z[:] += coupling[:, j] * answer
+                change = max(change, abs(answer))
             for i, n in enumerate(start):
                 e = island.elements[i]
                 bound = e.discs[0].bound if e.slides else 0.0

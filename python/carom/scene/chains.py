@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from carom.errors import CaromError
 from carom.scene.scene import Scene
 
@@ -74,6 +76,37 @@ def column(
             velocity=velocity,
         )
     return _timed(scene, min(radii), speed, 0.0)
+
+
+def cradle(
+    count: int,
+    *,
+    lifted: int = 1,
+    angle: float = 30.0,
+    length: float = 0.2,
+    radius: float = 0.01,
+    hits: float = 20,
+    density: float = 7800.0,
+    friction: float = 0.0,
+    restitution: float = 1.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """Newton's cradle: balls that touch hang along x, "1" to `count`; the first ones are let go from an angle in degrees.
+
+    `length` of the rods and `radius` in m, `density` in kg/m^3, `gravity` in m/s^2. The run lasts for `hits` hits.
+    """
+    if not 0 < lifted < count:
+        raise CaromError(f"lifted must be from 1 to {count - 1} balls (got {lifted})")
+    scene = _empty((0.0, 0.0, -gravity), friction, restitution)
+    way = math.radians(angle)
+    for k in range(count):
+        name, hook, turn = str(k + 1), (2 * radius * k, 0.0, 0.0), way if k < lifted else 0.0
+        place = (hook[0] - length * math.sin(turn), 0.0, -length * math.cos(turn))
+        scene.sphere(name, radius=radius, material=MATERIAL, density=density, position=place)
+        scene.joint("rod", between=[name, "ground"], points=[place, hook])
+    half = math.pi * math.sqrt(length / gravity) * (1 + way**2 / 16)
+    step = 2.5e-4 * half
+    return scene.with_options(step=step, until=round(hits * half / step) * step)
 
 
 def _radii(count: int, radius: float, taper: float, between: float | None) -> list[float]:

@@ -47,10 +47,9 @@ impl Model {
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         let links = compile_links(input)?;
-        let free = input.joints.is_empty() && input.loads.is_empty();
-        if options.impact.has_springs() && !free {
+        if options.impact.has_springs() && !input.loads.is_empty() {
             let name = options.impact.name();
-            let text = "which knows neither joints nor loads but weight; take another law";
+            let text = "which knows no loads but weight; take another law";
             return Err(ModelError::option("impact", format!("is {name}, {text}")));
         }
         let model = Model {

@@ -16,7 +16,7 @@ use super::sequence::{loads, loads_first, solve_problem, ImpactIsland, Start};
 use crate::contact::Contact;
 use crate::model::{ContactLaw, Model};
 use crate::options::Impact;
-use carom_solve::rows::{RowSystem, NODE_DOF};
+use carom_solve::rows::{RowContact, RowSystem, NODE_DOF};
 
 /// Steps for each unit `(m/k)^(2/5) v^(-1/5)` of time, of which a free collision takes 3.2. The error goes with its square: at 500 the last of ten
 /// balls is right to 1e-6.
@@ -30,6 +30,8 @@ const CLOSING: f64 = 1e-8;
 const SWEEPS: usize = 100;
 const SETTLED: f64 = 1e-13;
 const UNSETTLED: f64 = 1e-6;
+/// Rounding of what joints answer over the momentum of the impact (1): they answer kicks of any size.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Loads, then the impact as a whole, then what the loads have closed meanwhile.
 #[must_use]
@@ -75,11 +77,12 @@ pub fn spring<'a>(model: &'a Model, c: &Contact) -> ContactSpring<'a> {
     }
 }
 
-/// Impulses of an impact, per row: `system` has the measures before it, `springs` what [`spring`] says. Nothing: it did not end.
+/// Impulses of an impact, per row: `system` has the measures before it, of contacts and then of joints, `springs` what [`spring`] says. Nothing: it did not end.
 pub fn impulses(system: &RowSystem, springs: &[ContactSpring], law: Impact) -> Option<Vec<f64>> {
-    let contacts = &system.contacts;
+    let (contacts, joints) = system.contacts.split_at(springs.len());
     let mut at = Springs {
         system,
+        joints,
         springs,
         keeps_gaps: law == Impact::Compliant,
         u: vec![0.0; NODE_DOF * system.nodes()],
@@ -87,9 +90,17 @@ pub fn impulses(system: &RowSystem, springs: &[ContactSpring], law: Impact) -> O
         depth: vec![0.0; contacts.len()],
         restitution: vec![1.0; contacts.len()],
         given: vec![[0.0; 3]; contacts.len()],
+        rounding: 0.0,
     };
     let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -system.z0[c.row as usize]));
     let least = CLOSING * speed;
+    for c in joints {
+        let lightest = system.diag[c.rows()]
+            .iter()
+            .copied()
+            .fold(f64::INFINITY, f64::min);
+        at.rounding = at.rounding.max(ROUNDING * speed / lightest);
+    }
     for _ in 0..MOST_STEPS {
         let unit = (0..contacts.len()).filter_map(|i| at.unit(i, least));
         let dt = unit.fold(f64::INFINITY, f64::min) / RESOLUTION;
@@ -113,6 +124,7 @@ pub fn impulses(system: &RowSystem, springs: &[ContactSpring], law: Impact) -> O
 
 struct Springs<'a> {
     system: &'a RowSystem,
+    joints: &'a [RowContact],
     springs: &'a [ContactSpring<'a>],
     keeps_gaps: bool,
     u: Vec<f64>,
@@ -122,6 +134,8 @@ struct Springs<'a> {
     restitution: Vec<f64>,
     /// Impulses of the kick at hand.
     given: Vec<[f64; 3]>,
+    /// Impulse that is none, where there are joints.
+    rounding: f64,
 }
 
 impl Springs<'_> {
@@ -193,12 +207,27 @@ impl Springs<'_> {
         }
         let mut change = 0.0;
         for _ in 0..SWEEPS {
-            change = (0..self.depth.len()).fold(0.0, |most, i| f64::max(most, self.rub(i)));
-            if change <= SETTLED * most {
+            change = (0..self.depth.len()).fold(self.hold(), |most, i| f64::max(most, self.rub(i)));
+            if change <= SETTLED * most + self.rounding {
                 return true;
             }
         }
-        change <= UNSETTLED * most
+        change <= UNSETTLED * most + self.rounding
+    }
+
+    /// What joints answer to the kick at hand, all else given; the largest change.
+    fn hold(&mut self) -> f64 {
+        let (joints, mut most) = (self.joints, 0.0);
+        for c in joints {
+            for row in c.rows() {
+                let rate = self.system.z0[row] + self.system.row_velocity(c, row, &self.u);
+                let impulse = -rate / self.system.diag[row];
+                self.lambda[row] += impulse;
+                self.system.push_row(c, row, impulse, &mut self.u);
+                most = f64::max(most, impulse.abs());
+            }
+        }
+        most
     }
 
     /// Friction of a contact in the kick at hand, all others given; its change.

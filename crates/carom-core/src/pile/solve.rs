@@ -1,6 +1,7 @@
 //! One impact problem of the whole pile: sweeps over the chosen contacts.
 
 use super::closed_contact::{ClosedContact, Frame};
+use super::problem_data::{self, Stated};
 use super::{chunks, roll};
 use crate::contact::Contact;
 use crate::impact::compliant::{impulses, spring};
@@ -9,9 +10,8 @@ use crate::model::Model;
 use crate::pile::limits::{budget, finer, tolerance, worst, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
-use carom_solve::rows::RowSystem;
 use carom_solve::spheres::{self, Goal, Progress};
-use carom_solve::{team, Bounds};
+use carom_solve::team;
 use glam::DVec3;
 
 /// Sweeps after which impulses are scaled chunk by chunk: what takes fewer has little to tell from one end of the pile to the other. Without
@@ -104,35 +104,13 @@ impl Pile {
         (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, &self.places);
         self.scales.clear();
         (self.law, self.frame) = (Law::Springs, Frame::End);
-        let mut rows = RowSystem::default();
-        for b in bodies {
-            rows.push_node(1.0 / b.inv_mass, 1.0 / b.inv_inertia, b.radius);
-        }
-        let (mut springs, mut frames) = (Vec::new(), Vec::new());
-        for &slot in &memory.chosen {
+        let stated = memory.chosen.iter().map(|&slot| {
             let m = &memory.closed[slot as usize];
-            let (t1, t2) = carom_geom::tangent_frame(m.normal);
-            let slides = m.friction > 0.0;
-            let along = [m.normal, t1, t2];
-            let along = &along[..if slides { 3 } else { 1 }];
-            let jac: Vec<[[f64; 6]; 2]> = (along.iter())
-                .map(|&d| {
-                    let turn = d.cross(m.normal);
-                    let side = |d: DVec3, turn: DVec3| [d.x, d.y, d.z, turn.x, turn.y, turn.z];
-                    [side(d, m.arms[0] * turn), side(-d, m.arms[1] * turn)]
-                })
-                .collect();
-            let before = memory.before(m);
-            let z0: Vec<f64> = along.iter().map(|d| d.dot(before)).collect();
-            let bounds = Bounds {
-                sliding: m.friction,
-                ..Bounds::default()
-            };
-            let c = &contacts[m.contact as usize];
-            rows.push_contact(m.a, m.b, bounds, c.length, m.normal.to_array(), &jac, &z0);
-            springs.push(spring(model, c));
-            frames.push([m.normal, t1, t2]);
-        }
+            Stated::of(m, memory.before(m), DVec3::ZERO, [DVec3::ZERO; 2])
+        });
+        let stated: Vec<Stated> = stated.collect();
+        let (rows, framed, _) = problem_data::rows(model, contacts, bodies, &stated);
+        let springs: Vec<_> = framed.iter().map(|c| spring(model, c)).collect();
         let Some(lambda) = impulses(&rows, &springs, model.options.impact) else {
             return false;
         };
@@ -140,9 +118,11 @@ impl Pile {
         rows.impulses(&lambda, &mut force);
         rows.apply_inverse_mass(&force, &mut u);
         self.impulses.clear();
-        for (c, frame) in rows.contacts.iter().zip(&frames) {
-            let r = lambda[c.rows()].iter().zip(frame).map(|(l, d)| *l * *d);
-            self.impulses.push(r.sum::<DVec3>().to_array());
+        for (row, c) in rows.contacts.iter().zip(&framed) {
+            let mut packed = [0.0; 6];
+            packed[..row.dim as usize].copy_from_slice(&lambda[row.rows()]);
+            let impulse = c.to_world(c.n1, &packed).impulse;
+            self.impulses.push(impulse.to_array());
         }
         self.corrections = u
             .chunks_exact(6)

@@ -72,9 +72,6 @@ impl ImpactScratch {
         self.along_middle = false;
         self.velocity.clone_from(&self.v_old);
         self.build(model, scratch.contacts, self.law);
-        for c in &self.sub.contacts[self.chosen.len()..] {
-            self.sub.z0[c.rows()].fill(0.0);
-        }
         // An impact takes no time, in which loads could answer it.
         let loads = std::mem::take(&mut self.loads);
         let load = std::mem::take(&mut self.sub.load);
@@ -266,6 +263,12 @@ impl ImpactScratch {
             }
         }
         self.add_joints(&mut sub);
+        if law == Law::Compression {
+            // Joints keep what they do before the step.
+            for c in &sub.contacts[self.chosen.len()..] {
+                sub.z0[c.rows()].fill(0.0);
+            }
+        }
         self.measured.clear();
         if self.along_middle {
             let joints = self.members.len()..self.full.contacts.len();
