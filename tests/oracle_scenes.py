@@ -318,7 +318,7 @@ def judge_core_step(oracle: Reference, core: _core.Simulation, block: Mapping[st
         stage = "one-shot" if law == "one-shot" else "truncated" if number > MOST_PROBLEMS else str(number)
         stages.setdefault(stage, {})[key] = split(key, impacts["impulse"][i], impacts["moment"][i])
     # Islands without an impact are not in that table: their only problem is the whole impulse.
-    first = {"sequence": "0", "sequence-paper": "1", "one-shot": "one-shot"}[law]
+    first = {"sequence-paper": "1", "one-shot": "one-shot"}.get(law, "0")
     for key, impulse in whole.items():
         if not hit & set(key):
             stages.setdefault(first, {})[key] = impulse

@@ -240,18 +240,21 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
     impulses = np.zeros(island.layout.rows)
     tolerance = result.tolerance = island.closing_tolerance()
     if tolerance is not None and island.elements:
-        if island.model.options.impact == "one-shot":
+        law = island.model.options.impact
+        if law == "one-shot":
             everything = list(range(len(island.elements)))
             impulses, record = impact_problem(
                 island, everything, impulses, impulses, island.u_n, tolerance, "one-shot"
             )
             result.problems.append(record)
-        elif island.model.options.impact == "poisson":
+        elif law == "poisson":
             impulses = _poisson(island, impact_problem, tolerance, result)
-        elif island.model.options.impact in ("compliant", "binary") and len(island.elements) > 1:
+        elif law in ("compliant", "binary") and len(island.elements) > 1:
             impulses = _binary(island, impact_problem, tolerance, result)
-        else:
+        elif law in ("sequence", "sequence-paper", "compliant", "binary"):
             impulses = _sequence(island, impact_problem, tolerance, result)
+        else:
+            raise ValueError(f"impact: {law!r} is not a law of the reference")
     if np.any(impulses):
         result.jump, result.multipliers = island.respond(impulses)
     return result

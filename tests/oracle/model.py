@@ -220,8 +220,6 @@ def _options(given: Mapping[str, Any]) -> Options:
     options = Options(
         step=float(given["step"]), tolerance=float(given.get("reference_tolerance", 1e-12)), **known
     )
-    if options.impact not in ("sequence", "sequence-paper", "one-shot", "poisson", "compliant", "binary"):
-        raise ValueError(f"impact: {options.impact!r} is not a law of the reference")
     if not options.step > 0.0 or not 0.0 <= options.spectral_radius < 1.0:
         raise ValueError("step must be positive and spectral_radius in [0, 1)")
     return options

@@ -2,8 +2,10 @@
 //!
 //! A new law is a variant of [`Impact`], a row of [`Impact::facts`] and an arm of [`solve`]; the compiler asks for both.
 
+mod poisson;
+
+use self::poisson::compress_and_expand;
 use super::compliant::through_springs;
-use super::poisson::compress_and_expand;
 use super::sequence::{as_printed, loads_first, one_shot, ImpactIsland};
 use crate::options::Impact;
 

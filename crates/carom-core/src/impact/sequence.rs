@@ -191,7 +191,7 @@ pub fn one_shot(island: &mut impl ImpactIsland) -> bool {
 
 /// What a sequence that does not die out leaves is solved at once, with all contacts: then nothing closes. `later` as
 /// [`ImpactIsland::later`] has it.
-fn end(island: &mut impl ImpactIsland, law: Law, later: Option<bool>) -> bool {
+pub fn end(island: &mut impl ImpactIsland, law: Law, later: Option<bool>) -> bool {
     if later != Some(false) {
         return later.is_some();
     }

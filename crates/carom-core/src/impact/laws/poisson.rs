@@ -10,8 +10,8 @@
 //! Nothing closes after it. Without loads P_c is problem 1; with them it keeps a resting ball from rebounding. Where the expansion adds
 //! energy, counted from the loads on, less of it is given (rule R4).
 
-use super::law::Law;
-use super::sequence::{loads, solve_problem, ImpactIsland, Start};
+use crate::impact::law::Law;
+use crate::impact::sequence::{loads, solve_problem, ImpactIsland, Start};
 
 /// Loads, compression, expansion.
 #[must_use]
