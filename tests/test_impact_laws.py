@@ -235,6 +235,44 @@ def test_a_row_of_balls_is_the_hertz_chain(count: int, speed: float, law: str) -
     assert result.energy.total[-1] <= (1 + 1e-10) * 0.5 * result.bodies["mass"][0] * speed**2
 
 
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+def test_a_row_of_linear_springs_has_its_closed_form(law: str) -> None:
+    """Three equal balls, in units of the frequency of a contact: two modes until the first contact opens, then two balls."""
+    modes = np.array([1.0, np.sqrt(3.0)])
+
+    def depths(t: float) -> tuple[float, float]:
+        one, two = 0.5 * np.sin(modes * t) / modes
+        return float(one + two), float(one - two)
+
+    low, high = 1.5, 2.8
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if depths(middle)[0] > 0.0 else (low, middle)
+    one, two = np.cos(modes * low)
+    v = np.array([1 / 3 + one / 2 + two / 6, 1 / 3 - two / 3, 1 / 3 - one / 2 + two / 6])
+    apart = np.sqrt((v[1] - v[2]) ** 2 + 2.0 * depths(low)[1] ** 2)
+    expected = [v[0], 0.5 * (v[1] + v[2] - apart), 0.5 * (v[1] + v[2] + apart)]
+    after = simulated(chain(3), impact=law, impact_exponent=1.0).velocity[-1][:, 0]
+    assert after == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+def test_stiffness_of_pairs_and_the_exponent_are_those_of_the_oracle(law: str) -> None:
+    stiff = 0
+    for seed in range(20):
+        model = random_scene(seed) | {"stiffness_ratio": np.array([1.0, 4.0])}
+        model["friction"] = np.zeros(2)
+        model["options"] |= {"impact": law, "impact_exponent": (1.0, 1.5, 2.0)[seed % 3]}
+        oracle, core = Reference(model), _core.Simulation(model)
+        plain = _core.Simulation(model | {"stiffness_ratio": np.ones(2)})
+        oracle.advance(1)
+        assert core.advance(1, 1, True, 1e9)["outcome"] is None
+        plain.advance(1, 1, True, 1e9)
+        assert difference(oracle, core, model["radius"]) <= 1e-10
+        stiff += bool(np.abs(plain.frame()["velocity"] - core.frame()["velocity"]).max() > 1e-6)
+    assert stiff > 2
+
+
 def test_gaps_that_open_count_in_a_decorated_chain() -> None:
     """The light balls rattle. By an integration of the Hertz chain of high order (DOP853, 1e-12)."""
     after = simulated(chain(5, between=0.01 / 3), impact="compliant").velocity[-1][:, 0]

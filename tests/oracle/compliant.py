@@ -23,9 +23,11 @@ def spring_impulses(island: Island) -> F64:
     radii = island.model.radius
     restitution = [1.0] * len(start)
     stiffness = [
-        float(1.0 / radii[e.pair.a] + (1.0 / radii[e.pair.b] if e.pair.plane < 0 else 0.0)) ** -0.5
+        e.pair.law.stiffness_ratio
+        * float(1.0 / radii[e.pair.a] + (1.0 / radii[e.pair.b] if e.pair.plane < 0 else 0.0)) ** -0.5
         for e in island.elements
     ]
+    p = island.model.options.impact_exponent
     z, impulses = gradient @ island.u_n, np.zeros(lay.rows)
     z[lay.joint_rows] = 0.0
     depth = [0.0] * len(start)
@@ -36,7 +38,7 @@ def spring_impulses(island: Island) -> F64:
         for i, n in enumerate(start):
             v, d = float(z[n]), depth[i]
             if v <= 0.0 or d <= 0.0:
-                work = 0.8 * inverse[n] * stiffness[i] * max(0.0, d) ** 2.5
+                work = 2.0 / (p + 1.0) * inverse[n] * stiffness[i] * max(0.0, d) ** (p + 1.0)
                 restitution[i] = island.elements[i].pair.law.rebound(work**0.5)
             e = restitution[i]
             if d > 0.0 and v > 0.0:
@@ -50,7 +52,7 @@ def spring_impulses(island: Island) -> F64:
     def kick(dt: float) -> None:
         given = np.zeros(lay.rows)
         for i, n in enumerate(start):
-            given[n] = stiffness[i] * max(0.0, depth[i]) ** 1.5 * dt
+            given[n] = stiffness[i] * max(0.0, depth[i]) ** p * dt
         z[:] += coupling @ given
         most = float(np.max(given))
         for _ in range(SWEEPS):
@@ -79,9 +81,9 @@ def spring_impulses(island: Island) -> F64:
         units = []
         for i, n in enumerate(start):
             wk = inverse[n] * stiffness[i]
-            squared = z[n] ** 2 + 0.8 * wk * max(0.0, depth[i]) ** 2.5
+            squared = z[n] ** 2 + 2.0 / (p + 1.0) * wk * max(0.0, depth[i]) ** (p + 1.0)
             if squared > least**2 and (depth[i] > 0.0 or z[n] < 0.0):
-                units.append(wk**-0.4 * squared**-0.1)
+                units.append(wk ** (-1.0 / (p + 1.0)) * squared ** (0.5 * (1.0 - p) / (p + 1.0)))
         if not units:
             return impulses
         dt = min(units) / RESOLUTION

@@ -33,6 +33,7 @@ class Law:
     tangential_restitution: float = 0.0
     rolling_radius: float = 0.0
     spinning_radius: float = 0.0
+    stiffness_ratio: float = 1.0
     friction_law: ScalarLaw | None = None
     """mu as a function of the slip speed [m/s] at t_n; takes the place of `friction`."""
     restitution_law: ScalarLaw | None = None
@@ -58,6 +59,7 @@ class Options:
     impact: str = "sequence"
     position_friction: str = "paper"
     restitution_threshold: float = 0.0
+    impact_exponent: float = 1.5
     energy_safeguard: bool = True
     max_problems: int = 0
     max_iterations: int = 50
@@ -212,6 +214,7 @@ def _options(given: Mapping[str, Any]) -> Options:
             "impact",
             "position_friction",
             "restitution_threshold",
+            "impact_exponent",
             "energy_safeguard",
             "max_problems",
         )
@@ -231,6 +234,7 @@ def _pairs(model: Mapping[str, Any], radius: F64, planes: int) -> list[Pair]:
     columns = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
     count = len(model.get("law_a", ()))
     table = [model.get(name, np.zeros(count)) for name in columns]
+    ratio = model.get("stiffness_ratio", np.ones(count))
     slip, rebound = (
         [None if law is None else read_law(law) for law in model.get(name, [None] * count)]
         for name in ("friction_law", "restitution_law")
@@ -238,6 +242,7 @@ def _pairs(model: Mapping[str, Any], radius: F64, planes: int) -> list[Pair]:
     laws = {
         frozenset((int(a), int(b))): Law(
             **{name: float(column[i]) for name, column in zip(columns, table, strict=True)},
+            stiffness_ratio=float(ratio[i]),
             friction_law=slip[i],
             restitution_law=rebound[i],
         )

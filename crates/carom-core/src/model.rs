@@ -23,6 +23,8 @@ pub struct ContactLaw {
     pub restitution: f64,
     /// e_N as a law of the approach speed (m/s) instead.
     pub restitution_law: Option<Scalar>,
+    /// Stiffness over that of other pairs (1), at equal radii: for impacts through springs.
+    pub stiffness: f64,
     /// Tangential restitution e_T in (-1, 1).
     pub tangential_restitution: f64,
 }

@@ -264,6 +264,8 @@ options! {
     energy_safeguard: bool = true,
     /// Approach speed below which e_N = 0, m/s; 0: never.
     restitution_threshold: f64 = 0.0,
+    /// n of the springs `F = k d^n` of impacts through springs: Hertz's 3/2, or 1.
+    impact_exponent: f64 = 1.5,
     /// Contact solver.
     solver: Solver = Solver::Auto,
     /// Newton iterations per solve and rung.
@@ -393,6 +395,7 @@ impl Options {
             ("theta", theta > 0.0 && theta <= 1.0, format!("is {theta}; it must lie in (0, 1]")),
             ("penalty_scale", o.penalty_scale < 2.0, format!("is {}; at 2 and above Newton can cycle (rule R1)", o.penalty_scale)),
             ("restitution_threshold", threshold >= 0.0 && threshold.is_finite(), "must be finite and not negative".to_owned()),
+            ("impact_exponent", (1.0..=4.0).contains(&o.impact_exponent), format!("is {}; it must lie in [1, 4]", o.impact_exponent)),
             ("penalty_poisson_ratio", -1.0 < nu && nu <= 0.5, format!("is {nu}; it must lie in (-1, 0.5]")),
             ("penalty_stiffness", k >= 0.0 && k.is_finite(), format!("is {k}; it must be finite and not negative")),
             ("penalty_exponent", (1.0..=4.0).contains(&n), format!("is {n}; it must lie in [1, 4]")),

@@ -99,6 +99,10 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         outlet: flow::outlets(dict)?,
         laws,
         friction_law: coupling::contact_laws(dict, "friction_law")?,
+        stiffness_ratio: match dict.contains("stiffness_ratio")? {
+            true => floats(dict, "stiffness_ratio")?,
+            false => Vec::new(),
+        },
         restitution_law: coupling::contact_laws(dict, "restitution_law")?,
         joints: coupling::joints(dict, &radius)?,
         loads: coupling::loads(dict)?,

@@ -51,6 +51,8 @@ pub struct ModelInput {
     pub friction_law: Vec<Option<Scalar>>,
     /// The same of the normal restitution.
     pub restitution_law: Vec<Option<Scalar>>,
+    /// Per law: its stiffness over that of others. Empty: 1.
+    pub stiffness_ratio: Vec<f64>,
     pub joints: Vec<Joint>,
     pub loads: Vec<Arc<dyn Load>>,
 }

@@ -269,6 +269,11 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             let text = format!("is {e_t}; it must lie in (-1, 1)");
             return Err(entry("contact law", index, "tangential_restitution", text));
         }
+        let stiffness = input.stiffness_ratio.get(index).copied().unwrap_or(1.0);
+        if !(stiffness > 0.0 && stiffness.is_finite()) {
+            let text = format!("is {stiffness}; it must be finite and above 0");
+            return Err(entry("contact law", index, "stiffness_ratio", text));
+        }
         let mut functions = [None, None];
         for (function, (quantity, _, list)) in functions.iter_mut().zip(varying) {
             *function = list.get(index).cloned().flatten();
@@ -290,6 +295,7 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             friction_law,
             restitution: e_n,
             restitution_law,
+            stiffness,
             tangential_restitution: e_t,
         });
     }

@@ -15,7 +15,7 @@ use super::law::Law;
 use super::sequence::{loads, loads_first, solve_problem, ImpactIsland, Start};
 use crate::contact::Contact;
 use crate::model::{ContactLaw, Model};
-use crate::options::Impact;
+use crate::options::{Impact, Options};
 use carom_solve::rows::{RowContact, RowSystem, NODE_DOF};
 
 /// Steps for each unit `(m/k)^(2/5) v^(-1/5)` of time, of which a free collision takes 3.2. The error goes with its square: at 500 the last of ten
@@ -73,18 +73,19 @@ pub fn spring<'a>(model: &'a Model, c: &Contact) -> ContactSpring<'a> {
     let curvature = (1.0 / radius + of_b).max(1e-3 / radius);
     ContactSpring {
         law: c.law(model),
-        stiffness: curvature.sqrt().recip(),
+        stiffness: c.law(model).stiffness * curvature.sqrt().recip(),
     }
 }
 
 /// Impulses of an impact, per row: `system` has the measures before it, of contacts and then of joints, `springs` what [`spring`] says. Nothing: it did not end.
-pub fn impulses(system: &RowSystem, springs: &[ContactSpring], law: Impact) -> Option<Vec<f64>> {
+pub fn impulses(system: &RowSystem, springs: &[ContactSpring], o: &Options) -> Option<Vec<f64>> {
     let (contacts, joints) = system.contacts.split_at(springs.len());
     let mut at = Springs {
         system,
         joints,
         springs,
-        keeps_gaps: law == Impact::Compliant,
+        keeps_gaps: o.impact == Impact::Compliant,
+        exponent: o.impact_exponent,
         u: vec![0.0; NODE_DOF * system.nodes()],
         lambda: vec![0.0; system.rows()],
         depth: vec![0.0; contacts.len()],
@@ -127,6 +128,7 @@ struct Springs<'a> {
     joints: &'a [RowContact],
     springs: &'a [ContactSpring<'a>],
     keeps_gaps: bool,
+    exponent: f64,
     u: Vec<f64>,
     lambda: Vec<f64>,
     depth: Vec<f64>,
@@ -150,7 +152,17 @@ impl Springs<'_> {
         let (v, d, inverse) = (self.measure(i, 0), self.depth[i], self.inverse(i));
         let squared = v * v + self.squared(i);
         let moves = squared > least * least && (d > 0.0 || v < 0.0);
-        moves.then(|| inverse.powf(-0.4) * squared.powf(-0.1))
+        let n = self.exponent + 1.0;
+        moves.then(|| inverse.powf(-1.0 / n) * squared.powf((2.0 - n) / (2.0 * n)))
+    }
+
+    /// `k d^n`.
+    fn bent(&self, k: f64, d: f64) -> f64 {
+        if self.exponent == 1.5 {
+            k * d * d.sqrt()
+        } else {
+            k * d.powf(self.exponent)
+        }
     }
 
     /// Inverse mass times stiffness.
@@ -161,7 +173,7 @@ impl Springs<'_> {
     /// Square of the speed that the work of compression makes.
     fn squared(&self, i: usize) -> f64 {
         let d = self.depth[i].max(0.0);
-        0.8 * self.inverse(i) * d * d * d.sqrt()
+        self.bent(2.0 / (self.exponent + 1.0) * self.inverse(i) * d, d)
     }
 
     fn drift(&mut self, dt: f64) {
@@ -200,7 +212,7 @@ impl Springs<'_> {
             self.given[i] = [0.0; 3];
             let d = self.depth[i];
             if d > 0.0 {
-                let impulse = self.springs[i].stiffness * d * d.sqrt() * dt;
+                let impulse = self.bent(self.springs[i].stiffness, d) * dt;
                 most = f64::max(most, impulse);
                 self.give(i, 0, impulse);
             }

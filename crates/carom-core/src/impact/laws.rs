@@ -49,7 +49,7 @@ const SPRINGS: LawFacts = LawFacts {
     energy: true,
     restitution: Restitution::Energetic,
     problems: 2,
-    needs: &["friction", "restitution"],
+    needs: &["friction", "restitution", "stiffness_ratio"],
     cite: &["binary"],
 };
 

@@ -111,7 +111,7 @@ impl Pile {
         let stated: Vec<Stated> = stated.collect();
         let (rows, framed, _) = problem_data::rows(model, contacts, bodies, &stated);
         let springs: Vec<_> = framed.iter().map(|c| spring(model, c)).collect();
-        let Some(lambda) = impulses(&rows, &springs, model.options.impact) else {
+        let Some(lambda) = impulses(&rows, &springs, &model.options) else {
             return false;
         };
         let (mut force, mut u) = (vec![0.0; 6 * bodies.len()], vec![0.0; 6 * bodies.len()]);

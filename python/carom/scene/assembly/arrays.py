@@ -22,7 +22,10 @@ from carom.scene.tables.walls import PLANE, WALLS
 EXPANDED = 10_000
 """A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond it."""
 
-LAW_KEYS = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
+LAW_KEYS = (
+    *("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius"),
+    "stiffness_ratio",
+)
 
 VARYING = ("friction", "restitution")
 """Those that may be laws of a speed."""

@@ -163,10 +163,11 @@ def advise_gain(parts: Parts, world: World) -> Iterator[Finding]:
         return
     options = run.options()
     impact = LAWS[options["impact"]]
-    key = "tangential_restitution"
     for i, contact in parts.contacts():
-        if (e_t := contact.tangential_restitution) and key not in impact.needs:
-            cause = f"{key} = {e_t:g}: the impact law {options['impact']} does not read it"
+        for key, usual in (("tangential_restitution", 0.0), ("stiffness_ratio", 1.0)):
+            if (value := getattr(contact, key)) == usual or key in impact.needs:
+                continue
+            cause = f"{key} = {value:g}: the impact law {options['impact']} does not read it"
             yield Finding(("contact", i, key), cause, "leave it out, or take another impact law")
     printed = impact.restitution == "printed"
     if impact.restitution != "newton" and not printed:

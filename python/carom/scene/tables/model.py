@@ -118,6 +118,9 @@ class Contact(Table):
     tangential_restitution: Annotated[float, Quantity("number", Bounds(gt=-1, lt=1))] = key(
         "tangential restitution e_T", default=0.0, examples=[0.0]
     )
+    stiffness_ratio: Annotated[float, Quantity("number", Bounds(gt=0))] = key(
+        "stiffness over that of other pairs of equal radii, for impacts through springs", default=1.0
+    )
     rolling_radius: Distance = key("rho: bound of the rolling moment over the normal force", "m", default=0.0)
     spinning_radius: Distance = key(
         "delta: bound of the spinning moment over the normal force", "m", default=0.0

@@ -108,6 +108,9 @@ OPTIONS: dict[str, Option] = {
         "closing speed that counts, relative to the fastest body (R3)", POSITIVE
     ),
     "energy_safeguard": Option("scale restitution down where an impact problem would create energy (R4)"),
+    "impact_exponent": Option(
+        "n of the springs F = k d^n of laws compliant and binary: 1.5 is Hertz, 1 linear", Bounds(ge=1, le=4)
+    ),
     "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),
     "dense_contacts": Option(
         "largest island, in contacts, solved by the dense exact Newton method; larger ones by `auto`",

@@ -103,7 +103,7 @@ impl ImpactScratch {
         self.build(model, contacts, Law::Compression);
         let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
         let springs: Vec<_> = self.chosen.iter().map(of).collect();
-        let Some(lambda) = impulses(&self.sub, &springs, model.options.impact) else {
+        let Some(lambda) = impulses(&self.sub, &springs, &model.options) else {
             return false;
         };
         self.set_velocities(self.law);
