@@ -34,6 +34,7 @@ class Options(TypedDict, total=False):
     closing_tolerance_speed: float | str
     energy_safeguard: bool
     restitution_threshold: float | str
+    impact_exponent: float | str
     solver: Literal["auto", "newton"]
     max_iterations: int
     penalty_scale: float | str
