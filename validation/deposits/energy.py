@@ -1,7 +1,7 @@
 """How much energy ordinary deposits gain in a step: spheres of many sizes settle in a box that is periodic in x and y.
 
     python validation/deposits/energy.py            # 48 runs, 3 minutes; exit code 1 if one leaves the range of the page
-    python validation/deposits/energy.py --grains 1500 --seeds 1
+    python validation/deposits/energy.py --grains 1500 --seeds 1 --friction 1.5 3 10    # most contacts stick
 
 Nothing works on the grains, so every rise of the total is an error: of the solver, whose residual is `pile_tolerance`, and
 of the step. It is told over the largest kinetic energy plus the sum of m g r (`energy.max_rise_relative`).
@@ -62,12 +62,13 @@ def main() -> int:
     )
     parser.add_argument("--grains", type=int, default=400)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--friction", type=float, nargs="+", default=FRICTION)
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     rows, every = [], []
     for tolerance in TOLERANCES:
         for start in STARTS:
-            for friction in FRICTION:
+            for friction in options.friction:
                 found = []
                 for seed in range(1, options.seeds + 1):
                     scene = deposit(friction, tolerance, start, seed, options.grains)
