@@ -147,6 +147,15 @@ class Browser:
             raise BrowserError(details.get("exception", {}).get("description") or details["text"])
         return answer["result"].get("value")
 
+    def settle(self) -> None:
+        """Waits until nothing is drawn any more: the camera glides to a view, slowly where pictures take long."""
+        refresh = "await new Promise(requestAnimationFrame); "
+        draws = f"(async () => {{ const n = carom.state().pictures; {2 * refresh}return carom.state().pictures !== n }})()"
+        deadline = time.monotonic() + self.timeout
+        while self.evaluate(draws):
+            if time.monotonic() > deadline:
+                raise BrowserError("the page goes on drawing")
+
     def picture(self, path: Path | None = None) -> bytes:
         """What the window shows, as PNG; also written to `path`."""
         data = base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])

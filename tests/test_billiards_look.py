@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import math
-import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -444,7 +443,7 @@ def test_the_page_draws_cloth_wood_and_dark_pockets(shot: carom.Result, tmp_path
     with Browser(size=(900, 640)) as browser:
         browser.open(write_html(shot, tmp_path / "view.html").path)
         browser.evaluate("carom.show({impacts: false, trails: 'off'}), carom.view('top')")
-        time.sleep(1.0)
+        browser.settle()
         data = browser.evaluate("carom.picture()").partition(",")[2]
         places = np.array(browser.evaluate("carom.state()")["screen"])
         errors = [line for line in browser.console if not line.startswith("warning: [.WebGL")]

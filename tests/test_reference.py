@@ -474,4 +474,4 @@ def test_unusable_models_are_refused() -> None:
     with pytest.raises(ValueError, match="no contact law"):
         Reference(scene([[0, 0, 0], [3, 0, 0]], laws={(0, 1): {}}))
     with pytest.raises(ValueError, match="not a law"):
-        Reference(scene([[0, 0, 0]], impact="newton"))
+        chain([1, 0], impact="newton").advance(1)

@@ -52,6 +52,7 @@ def test_model_has_the_arrays_of_the_core() -> None:
         "law_b": [1],
         "friction": [0.2],
         "restitution": [0],
+        "stiffness_ratio": [1],
         "tangential_restitution": [0],
         "rolling_radius": [1e-3],
         "spinning_radius": [0],

@@ -42,7 +42,7 @@ def window(page: Path) -> Iterator[Browser]:
 def browser(window: Browser) -> Browser:
     """The page as it is when opened."""
     window.evaluate("carom.select(-1), carom.view('fit'), carom.setTime(0)")
-    time.sleep(0.6)  # the camera glides
+    window.settle()
     return window
 
 
@@ -116,7 +116,7 @@ def test_balls_are_where_the_numbers_say_and_their_patterns_turn(browser: Browse
     cloth = first[y + 60, x - 60]
     assert cloth[1] > cloth[0] and cloth[1] > cloth[2]  # noqa: PT018  (green is one colour)
     browser.evaluate("carom.select('ball3'), carom.follow(true), carom.setTime(0)")
-    time.sleep(0.6)
+    browser.settle()
     browser.evaluate("carom.select('ball3')")
     close = pixels(browser)
     browser.evaluate("carom.setTime(0.25)")
@@ -143,7 +143,6 @@ def test_playing_ends_and_loops(browser: Browser) -> None:
 
 
 def test_nothing_is_drawn_while_nothing_changes(browser: Browser) -> None:
-    time.sleep(0.3)
     before = state(browser)["pictures"]
     time.sleep(0.5)
     assert state(browser)["pictures"] == before
@@ -166,7 +165,7 @@ def test_keys(browser: Browser) -> None:
     assert state(browser)["speed"] == speed
     eye = state(browser)["eye"]
     browser.press("2", "2")
-    time.sleep(0.8)
+    browser.settle()
     above = state(browser)["eye"]
     assert above[2] > eye[2]
     assert above[0] == pytest.approx(1.27, abs=0.05)  # over the middle of the table
@@ -229,8 +228,8 @@ def test_every_control_has_a_name_and_is_reached_by_tab(browser: Browser) -> Non
 def test_fits_a_telephone(browser: Browser) -> None:
     browser.resize(390, 780)
     try:
-        time.sleep(0.3)
-        browser.evaluate("carom.setTime(0)")
+        time.sleep(0.1)
+        browser.settle()
         inside = browser.evaluate(
             "[...document.querySelectorAll('#bar button, #bar select, #bar input')].every(e => {"
             "const r = e.getBoundingClientRect(); return r.left >= 0 && r.right <= 390 && r.bottom <= 780 })"
@@ -311,7 +310,7 @@ def test_from_above_the_long_axis_runs_to_the_right_whichever_is_up(
     with Browser(size=(700, 500)) as browser:
         browser.open(write_html(run, tmp_path / "view.html").path)
         browser.evaluate("carom.view('top')")
-        time.sleep(0.6)
+        browser.settle()
         screen = np.array(state(browser)["screen"])
     along, level = run.position[0][:, axis[0]], run.position[0][:, axis[1]]
     scale = (screen[1] - screen[0]) @ [1, 0] / (along[1] - along[0])

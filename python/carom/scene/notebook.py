@@ -29,11 +29,16 @@ def of_scene(scene: Scene) -> str:
     ]
     head = ["contact law", "friction", "restitution", "rolling radius (m)"]
     rows = [
-        [" / ".join(law.between), _law(law.friction), _law(law.restitution), f"{law.rolling_radius:g}"]
+        [
+            " / ".join(law.between),
+            _law(law.friction, "slip"),
+            _law(law.restitution, "approach"),
+            f"{law.rolling_radius:g}",
+        ]
         for law in scene._tree.contact
     ]
     return page(scene.title or "carom.Scene", facts, head, rows)
 
 
-def _law(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float | int) else "law"
+def _law(value: object, speed: str) -> str:
+    return f"{value:g}" if isinstance(value, float | int) else f"law of the {speed} speed"

@@ -36,7 +36,7 @@ _POINT = Vector(size=2)
 @dataclass(frozen=True)
 class Law(Checked):
     """A law of `variable` whose values have `dimension`; `bounds` hold for a constant, for the
-    value at zero and for the points of a table."""
+    value at zero and for the points of a table from there on."""
 
     variable: str
     dimension: str = "number"
@@ -67,7 +67,7 @@ class Law(Checked):
             cause = f"must be {wanted} at {self.variable} = 0, found {start:.6g}"
             raise refuse(cause, f"change the {form} so that its value there is {wanted}", (form,))
         for k, (x, y) in enumerate(values if form == "table" else ()):
-            if not self.bounds.hold(y):
+            if x >= 0.0 and not self.bounds.hold(y):
                 cause = f"must be {self.bounds.words()} everywhere, found {y:.6g} at {self.variable} = {x:g}"
                 raise refuse(cause, "change this point", (form, k))
         return law
