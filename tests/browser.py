@@ -127,15 +127,20 @@ class Browser:
 
     def open(self, page: Path) -> None:
         """Open one of our pages from disk and wait until it shows its first picture."""
-        self._call("Page.navigate", url=page.resolve().as_uri())
+        self.visit(page.resolve().as_uri(), "carom")
+        self.evaluate("carom.ready.then(() => carom.setTime(carom.state().start))")
+
+    def visit(self, address: str, hook: str) -> None:
+        """Open a page and wait until it is loaded and has the global `hook`."""
+        self._call("Page.navigate", url=address)
         deadline = time.monotonic() + self.timeout
         while (
-            self.evaluate("document.readyState") != "complete" or self.evaluate("typeof carom") == "undefined"
+            self.evaluate("document.readyState") != "complete"
+            or self.evaluate(f"typeof {hook}") == "undefined"
         ):
             if time.monotonic() > deadline:
-                raise BrowserError(f"{page} did not load")
+                raise BrowserError(f"{address} did not load")
             time.sleep(0.05)
-        self.evaluate("carom.ready.then(() => carom.setTime(carom.state().start))")
 
     def evaluate(self, script: str) -> Any:
         """The value of a JavaScript expression; a promise is waited for."""

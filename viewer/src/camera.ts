@@ -54,10 +54,11 @@ export class Eye {
     if (this.preset && this.followed < 0) this.place(this.pose(this.preset));
   }
 
-  go(preset: Preset): void {
+  go(preset: Preset, atOnce: boolean): void {
     this.followed = -1;
     this.preset = preset;
-    this.glideTo(this.pose(preset));
+    if (atOnce) this.place(this.pose(preset));
+    else this.glideTo(this.pose(preset));
   }
 
   /** Comes close to a ball and stays with it; -1 lets go. */

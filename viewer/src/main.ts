@@ -7,22 +7,23 @@ import { byId, decimals } from "./dom";
 import { Graphs } from "./graphs";
 import type { Shown } from "./overlay";
 import { Labels, Panel } from "./panel";
-import { Run } from "./run";
+import { Run, type Vec } from "./run";
 import { Sequence } from "./sequence";
 import { Show } from "./show";
 import { save, snapshot } from "./snapshot";
 import { Stage } from "./stage";
 import { Theme } from "./theme";
+import { add } from "./vec";
 
 /** For tests and for the console. Times are the run's own, in seconds. */
-interface Hook {
+export interface Hook {
   /** Settles when the first picture is drawn, and fails with the reason if there will be none. */
   ready: Promise<void>;
   readonly frame: number;
   setTime(time: number): Promise<void>;
   play(on?: boolean): void;
   select(body: number | string): void;
-  view(preset: Preset): void;
+  view(preset: Preset, atOnce?: boolean): void;
   follow(on?: boolean): void;
   theme(): void;
   show(what: Partial<Shown>): void;
@@ -30,6 +31,13 @@ interface Hook {
   /** The picture as a PNG, as a data URL. */
   picture(): string;
   state(): Record<string, unknown>;
+  running(): boolean;
+  /** Time to the end of the run. */
+  left(): number;
+  /** CSS pixels of a point of the scene; null behind the eye. */
+  project(at: Vec): [number, number] | null;
+  /** The point under a pixel, in the level plane through another point of the scene. */
+  under(x: number, y: number, at: Vec): Vec | null;
 }
 
 declare global {
@@ -106,7 +114,7 @@ class App {
       },
       play: (on = true) => this.clock.play(on),
       select: (body) => this.select(typeof body === "string" ? this.run.names.indexOf(body) : body),
-      view: (preset) => this.view(preset),
+      view: (preset, atOnce) => this.view(preset, atOnce),
       follow: (on) => this.follow(on),
       theme: () => this.theme.toggle(),
       show: (what) => {
@@ -116,6 +124,13 @@ class App {
       graphs: (on = true) => this.plot(on),
       picture: () => this.snapshot().toDataURL("image/png"),
       state: () => this.state(),
+      running: () => this.clock.playing,
+      left: () => this.run.end - this.run.now,
+      project: (at) => this.stage.project(add(at, this.run.origin, -1)) ?? null,
+      under: (x, y, at) => {
+        const found = this.stage.under(x, y, add(at, this.run.origin, -1));
+        return found ? add(found, this.run.origin) : null;
+      },
     };
   }
 
@@ -250,8 +265,8 @@ class App {
     save(this.snapshot(), this.run.facts.title, this.run.now.toFixed(this.digits()));
   }
 
-  private view(preset: Preset): void {
-    this.stage.eye.go(preset);
+  private view(preset: Preset, atOnce = false): void {
+    this.stage.eye.go(preset, atOnce);
     this.bar.press("follow", false);
   }
 

@@ -156,9 +156,9 @@ export class Stage {
 
   /** The frontmost ball under a point of the canvas, in CSS pixels; -1 for none. */
   pick(x: number, y: number): number {
-    const { width, height } = this.canvas.getBoundingClientRect();
+    const { height } = this.canvas.getBoundingClientRect();
     const eye = this.eye.camera.position;
-    const ray = new Vector3((2 * x) / width - 1, 1 - (2 * y) / height, 0.5).unproject(this.eye.camera).sub(eye).normalize();
+    const ray = this.ray(x, y);
     let best = Infinity;
     let body = -1;
     const centre = new Vector3();
@@ -178,6 +178,22 @@ export class Stage {
     const p = new Vector3(...at).project(this.eye.camera);
     if (p.z > 1 || p.z < -1) return undefined;
     return [(0.5 + 0.5 * p.x) * this.host.clientWidth, (0.5 - 0.5 * p.y) * this.host.clientHeight];
+  }
+
+  /** The point of the plane through `at` (relative to run.origin, square to what is up) under a point of the canvas. */
+  under(x: number, y: number, at: Vec): Vec | undefined {
+    const eye = this.eye.camera.position;
+    const up = new Vector3(...this.world.up);
+    const ray = this.ray(x, y);
+    const along = new Vector3(...at).sub(eye).dot(up) / ray.dot(up);
+    return along > 0 ? (eye.clone().addScaledVector(ray, along).toArray() as Vec) : undefined;
+  }
+
+  /** The direction from the eye through a point of the canvas, in CSS pixels. */
+  private ray(x: number, y: number): Vector3 {
+    const { width, height } = this.canvas.getBoundingClientRect();
+    const { camera } = this.eye;
+    return new Vector3((2 * x) / width - 1, 1 - (2 * y) / height, 0.5).unproject(camera).sub(camera.position).normalize();
   }
 
   private resize(): void {

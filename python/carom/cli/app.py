@@ -17,6 +17,7 @@ from carom.cli.doctor import doctor
 from carom.cli.examples import examples
 from carom.cli.export import export
 from carom.cli.info import info
+from carom.cli.play import play
 from carom.cli.plot import plot
 from carom.cli.reproduce import reproduce
 from carom.cli.resume import resume
@@ -28,7 +29,7 @@ from carom.cli.view import view
 
 #: The commands by purpose, in the order of `carom --help`.
 GROUPS: dict[str, tuple[Any, ...]] = {
-    "Start": (demo, examples, doctor),
+    "Start": (demo, play, examples, doctor),
     "Simulate": (run, resume, sweep),
     "Look": (view, plot, export, info),
     "Check": (check, converge, compare, reproduce),

@@ -12,7 +12,12 @@ from carom.scene.billiards.table import Table
 def table_of(result: Any) -> Table | None:
     """The table of the kit that a run was made on; None of any other run."""
     try:
-        mark = result.scene.billiard_table
+        return table_in(result.scene)
     except (AttributeError, CaromError):
         return None  # a lost or damaged copy of the scenario does not keep the motion from being seen
+
+
+def table_in(scene: Any) -> Table | None:
+    """The table of the kit that a scene is; None of any other scene."""
+    mark = scene.billiard_table
     return None if mark is None else Table(Spec(**mark.written(everything=True)))

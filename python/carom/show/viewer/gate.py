@@ -1,4 +1,4 @@
-"""Who may talk to the live view: anybody who knows its address.
+"""Who may talk to a server of ours (the live view, `carom play`): anybody who knows its address.
 
 A server on the loopback address is open to every page that the browser shows. A foreign page can open a WebSocket to it,
 and, by a name that it lets point here (DNS rebinding), read its pages. Thus each request must name this machine as host,
@@ -8,7 +8,7 @@ come from a page of this server if it says where it comes from, and have the tok
 from __future__ import annotations
 
 import hmac
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -42,11 +42,18 @@ def gated(token: str) -> Iterator[None]:
 
 def _judged(token: str, answer: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
     """What is answered to a request: None to open a WebSocket."""
-    here = [f"{name}:{connection.local_address[1]}" for name in NAMES]
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+    rest = admitted(token, connection.local_address[1], hosts, origins, request.path)
+    if rest is None:
+        return connection.respond(403, "Forbidden: open the address that `carom view --live` printed.\n")
+    return answer(connection, replace(request, path=rest))
+
+
+def admitted(token: str, port: int, hosts: Sequence[str], origins: Sequence[str], path: str) -> str | None:
+    """The path behind the token, where a request to this port may be answered; its `Host` and `Origin` lines are given."""
+    here = [f"{name}:{port}" for name in NAMES]
     known = len(hosts) == 1 and hosts[0] in here
     own = all(origin.removeprefix("http://") in here for origin in origins)
-    given, _, rest = request.path.lstrip("/").partition("?")[0].partition("/")
-    if not (known and own and hmac.compare_digest(given.encode(), token.encode())):
-        return connection.respond(403, "Forbidden: open the address that `carom view --live` printed.\n")
-    return answer(connection, replace(request, path=f"/{rest}"))
+    given, _, rest = path.lstrip("/").partition("?")[0].partition("/")
+    good = known and own and hmac.compare_digest(given.encode(), token.encode())
+    return f"/{rest}" if good else None

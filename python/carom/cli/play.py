@@ -1,0 +1,50 @@
+"""`carom play`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from carom.cli.options import option
+from carom.cli.output import guarded
+
+
+@guarded
+def play(
+    scenario: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="SCENARIO", help="Scenario on a table of the billiards kit.", show_default=False
+        ),
+    ] = None,
+    table: Annotated[str, option("--table", "NAME", "Table: 7ft, 8ft, 9ft, snooker or carom.")] = "9ft",
+    rack: Annotated[
+        str, option("--rack", "GAME", "Balls: 8-ball, 9-ball, 10-ball or three (for practice).")
+    ] = "9-ball",
+    seed: Annotated[int, option("--seed", "N", "Which rack: gaps and order are drawn by it.", min=0)] = 1,
+    port: Annotated[int, option("--port", "N", "Port on this machine.", min=1, max=65535)] = 8090,
+    open_: Annotated[bool, option("--open", "Open the page in the web browser.")] = False,
+) -> None:
+    """Play billiards in the browser; method `events` computes each shot.
+
+    The page is for this machine only. Ctrl-C ends the game.
+
+    Example: carom play --rack 9-ball --open
+    """
+    from carom.play.game import Game, set_up
+    from carom.play.server import Server
+    from carom.scene.scene import Scene
+
+    scene = set_up(table, rack, seed) if scenario is None else Scene.from_toml(scenario)
+    with Server(Game(scene), port=port) as server:
+        print(f"{server.url}  (this machine only; Ctrl-C ends it)", flush=True)
+        if open_:
+            import webbrowser
+
+            webbrowser.open(server.url)
+        try:
+            server.wait()
+        except KeyboardInterrupt:
+            return
