@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import carom
@@ -11,6 +12,7 @@ import pytest
 from billiards_values import G, laws
 from carom import CaromError, ScenarioError, billiards, events
 from carom.billiards import TABLES, strike, table
+from carom.cli import main
 from carom.scene.billiards.data import SNOOKER
 from carom.scene.billiards.walls import outlets
 
@@ -269,6 +271,38 @@ def test_a_shot_is_told_alike_by_both_methods() -> None:
         assert a.speed == pytest.approx(b.speed, rel=2e-3)
     assert not exact.scratch
     assert not [h for h in exact.hits if "2" in (h.ball, h.other)]
+
+
+def test_a_result_has_its_shots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One for each ball that was struck, as the table reads it; words say the same."""
+    t = table("9ft")
+    scene = t.scene(until=2.0)
+    cue, ball = t.cue_ball(scene, at=(1.9, 0.635)), t.ball(scene, "7", at=(2.2, 0.9))
+    other = t.ball(scene, "white", at=(0.4, 0.3))
+    billiards.strike(cue, speed=1.5, direction=t.aim(cue, ball, "foot left"))
+    billiards.strike(other, speed=0.1, direction="90 deg")
+    result = carom.simulate(scene, out=tmp_path / "run")
+    assert result.shots == [t.shot(result), t.shot(result, "white")]
+    assert [str(shot) for shot in result.shots] == [
+        "cue hits 7 first. Gone: 7 (foot left).",
+        "white hits no ball. Gone: 7 (foot left).",
+    ]
+    with pytest.raises(SystemExit, match="0"):
+        main(["info", str(tmp_path / "run")])
+    assert "cue hits 7 first. Gone: 7 (foot left). white hits" in capsys.readouterr().out
+    with pytest.raises(CaromError, match="record them"):
+        _ = carom.simulate(scene, impacts=False).shots
+    elsewhere = carom.Scene(run={"until": 0.01, "step": 0.01, "method": "events"})
+    elsewhere.sphere("a", radius=0.1, mass=1.0, material="m", position=(0, 0, 1), velocity=(1, 0, 0))
+    with pytest.raises(CaromError, match="not on a table"):
+        _ = carom.simulate(elsewhere).shots
+
+
+def test_a_table_suggests_the_exact_method_where_no_step_is_given() -> None:
+    t = table("9ft")
+    assert t.scene(until=1.0).run.method == "events"
+    assert t.scene(until=1.0, step=1e-4).run.method == "nsga"
+    assert t.scene(until=1.0, method="penalty").run.step != t.scene(until=1.0).run.step
 
 
 def test_a_scratch_is_called_one() -> None:

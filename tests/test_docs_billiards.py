@@ -31,7 +31,7 @@ def test_the_first_example_of_the_kit_pockets_balls_without_a_warning(tmp_path: 
     """It once warned of its step and printed an empty list, where the page showed two balls."""
     first = blocks(BILLIARDS, "{code-cell} python")[0]
     said = run(f"import warnings; warnings.simplefilter('error')\n{first}", tmp_path)
-    assert re.search(r"^\d\.\d\d s: \d into (?:head|foot|side) ", said)
+    assert re.search(r"^cue hits 1 first\. Gone: \d \((?:head|foot|side) ", said)
 
 
 def test_the_speeds_of_the_guide_are_those_of_a_pool_ball() -> None:

@@ -201,7 +201,7 @@ def test_the_server_answers_and_refuses_in_words() -> None:
         assert ask("aim", {"direction": 0.0})[1]["hit"] == "1"
         code, state = ask("shoot", {"direction": 0.0, "speed": 2.0})
         assert (code, state["shots"], state["undo"]) == (200, 1, True)
-        assert "hits 1 first" in state["words"]
+        assert "cue hits 1 first" in state["words"]
         assert b"carom-motion" in ask("table")[1]
         assert ask("save", {})[1]["name"] == "shot-1.toml"
         assert ask("undo", {})[1]["aim"]["speed"] == 2.0

@@ -111,7 +111,7 @@ def test_a_shot_is_played_replayed_and_undone(page: Browser, table: tuple[Server
     before = page.evaluate("play.state().balls")
     page.evaluate(f"play.set({{ direction: {math.atan2(0.165, 0.665)}, speed: 1.5 }})")
     shoot(page)
-    assert "hits 1 first" in page.evaluate("document.getElementById('words').textContent")
+    assert "cue hits 1 first" in page.evaluate("document.getElementById('words').textContent")
     after = page.evaluate("play.state().balls")
     assert after != before
     shown = page.evaluate("play.viewer().state()")

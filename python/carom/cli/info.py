@@ -22,6 +22,7 @@ def info(run: Run, as_json: Json = False) -> None:
     """
     from carom.result.directory import size_on_disk
     from carom.run.result import load
+    from carom.scene.billiards.marked import table_of
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the state of the run is said below
@@ -48,6 +49,8 @@ def info(run: Run, as_json: Json = False) -> None:
         "bytes": size_on_disk(result.path),
         "versions": dict(result.versions),
     }
+    if table_of(result) is not None and result.scene.record.impacts and len(result.time):
+        facts["shots"] = [str(shot) for shot in result.shots]
     if as_json:
         emit(facts)
         return
@@ -59,6 +62,8 @@ def info(run: Run, as_json: Json = False) -> None:
     facts["bytes"] = f"{facts['bytes'] / 1e6:.2f} MB"
     if result.parameters:
         facts["parameters"] = ", ".join(f"{name} = {x:.10g}" for name, x in result.parameters.items())
+    if "shots" in facts:
+        facts["shots"] = " ".join(facts["shots"]) or "no ball moves at the start"
     facts["segments"] = ", ".join(facts["segments"])
     facts["versions"] = ", ".join(f"{k} {v}" for k, v in facts["versions"].items())
     del facts["being_written"]

@@ -95,14 +95,7 @@ class Played:
     @property
     def words(self) -> str:
         """The shot in a sentence or two."""
-        shot = self.shot
-        told = [f"The cue ball hits {shot.first} first." if shot.first else "The cue ball hits no ball."]
-        gone = [f"{ball.ball} ({ball.pocket})" for ball in shot.pocketed if ball.ball != CUE]
-        if gone:
-            told.append(f"Gone: {', '.join(gone)}.")
-        if shot.scratch:
-            told.append("Scratch: the cue ball is back on the table.")
-        return " ".join(told)
+        return f"{self.shot}{' The cue ball is back on the table.' if self.shot.scratch else ''}"
 
 
 class Game:

@@ -10,6 +10,7 @@ from carom.result.data import UnfinishedRun as UnfinishedRun
 
 if TYPE_CHECKING:
     from carom.result.directory import RunDir
+    from carom.scene.billiards import Shot
     from carom.show.plot import Plots
     from carom.show.viewer import ViewInfo
 
@@ -34,6 +35,13 @@ class Result(RunData):
         from carom.show.plot import Plots
 
         return Plots(self)
+
+    @property
+    def shots(self) -> list[Shot]:
+        """On a table of the billiards kit, for each ball that was struck: whom it hit, cushions, pocketed balls, scratch."""
+        from carom.scene.billiards.marked import shots_of
+
+        return shots_of(self)
 
     def view(self, path: str | Path | None = None, *, open_browser: bool = False, **options: Any) -> ViewInfo:
         """Write the run as one HTML page that plays offline, by default `view.html` in the run directory."""

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from carom.errors import CaromError
 from carom.scene.billiards.data import Spec
+from carom.scene.billiards.shots import Shot
 from carom.scene.billiards.table import Table
 
 
@@ -15,6 +18,17 @@ def table_of(result: Any) -> Table | None:
         return table_in(result.scene)
     except (AttributeError, CaromError):
         return None  # a lost or damaged copy of the scenario does not keep the motion from being seen
+
+
+def shots_of(result: Any) -> list[Shot]:
+    """The shots of a run on a table of the kit: one for each ball that moves at the start."""
+    table = table_of(result)
+    if table is None:
+        raise CaromError(
+            "shots: the run is not on a table of carom.billiards; its hits are in result.impacts"
+        )
+    moving = np.concatenate([result.velocity[0], result.angular_velocity[0]], axis=1).any(axis=1)
+    return [table.shot(result, result.names[k]) for k in np.flatnonzero(moving)]
 
 
 def table_in(scene: Any) -> Table | None:

@@ -52,6 +52,16 @@ class Shot:
         met = (self._partner(hit, ball) for hit in self.hits)
         return [name for name in met if name is not None and name not in self.balls]
 
+    def __str__(self) -> str:
+        """The shot in a sentence or two."""
+        told = [f"{self.cue} hits {self.first} first." if self.first else f"{self.cue} hits no ball."]
+        gone = [f"{ball.ball} ({ball.pocket})" for ball in self.pocketed if ball.ball != self.cue]
+        if gone:
+            told.append(f"Gone: {', '.join(gone)}.")
+        if self.scratch:
+            told.append("Scratch.")
+        return " ".join(told)
+
     @staticmethod
     def _partner(hit: Hit, ball: str) -> str | None:
         return {hit.ball: hit.other, hit.other: hit.ball}.get(ball)
@@ -61,6 +71,8 @@ def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest:
     """The shot of a run; `Table.shot` is the way to call it."""
     if cue not in result.names:
         raise CaromError(f"shot: no ball is called {quoted(cue)}")
+    if not result.scene.record.impacts:
+        raise CaromError("shot: the run has no impacts; record them, as with impacts=True of carom.simulate")
     rows = result.impacts
     speed = -np.asarray(rows["approach"])
     rows = rows.where((speed > slowest) & (np.asarray(rows["problem"]) > 0) & (rows["pair"][:, 1] != bed))

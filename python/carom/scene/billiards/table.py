@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from carom.scene.tables.balls import Sphere
 
 GRAVITY = 9.8
+FRAME_S = 0.01
+"""Between two frames of method `events`, unless the caller says more."""
 OFF = "off the table"
 
 
@@ -96,8 +98,11 @@ class Table:
     ) -> Scene:
         """An empty table: bed, cushions, pockets and contact laws. `run` are keys of `[run]`, as `until=3.0`.
 
-        `method="events"` suits a table best: its motion is exact, and `step` is the time between two frames.
+        Without `method` and `step` the motion is exact: method `events`, with a frame every `FRAME_S`. Balls that lean on
+        one another for long are stepped then too; for many of them choose a method and a step.
         """
+        if not run.keys() & {"method", "step"}:
+            run = {"method": "events", "step": FRAME_S, **run}
         gravity = number("scene", "gravity", gravity, unit="in m/s^2")
         if not isinstance(laws, Laws):
             raise CaromError(f"scene: laws must be of billiards.Laws, as billiards.LAWS is, found {laws!r}")
