@@ -27,7 +27,7 @@ def play(
     port: Annotated[int, option("--port", "N", "Port on this machine.", min=1, max=65535)] = 8090,
     open_: Annotated[bool, option("--open", "Open the page in the web browser.")] = False,
 ) -> None:
-    """Play billiards in the browser; method `events` computes each shot.
+    """Play billiards in the browser, each shot without a step.
 
     The page is for this machine only. Ctrl-C ends the game.
 
