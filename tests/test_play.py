@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import http.client
 import json
+import time
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -219,6 +221,23 @@ def test_the_server_answers_and_refuses_in_words() -> None:
             code, answer = ask(what, given)
             assert code == expected, what
             assert told in answer["error"]
+
+
+def test_lines_of_aim_come_as_fast_as_a_screen_draws() -> None:
+    """With `-s` it prints how many a second a program gets, and what each costs. The bound allows for slower machines."""
+    with Server(Game(set_up("9ft", "9-ball", 1)), port=0) as server:
+        host, token = server.url.removeprefix("http://").rstrip("/").split("/")
+        connection = http.client.HTTPConnection(host)
+        begin, cpu, lines = time.perf_counter(), time.process_time(), 150
+        for k in range(lines):
+            connection.request("POST", f"/{token}/aim", json.dumps({"direction": -0.1 + 0.0013 * k}))
+            assert json.loads(connection.getresponse().read())["path"]
+        connection.close()
+    cost = (time.process_time() - cpu) / lines
+    print(
+        f"{lines / (time.perf_counter() - begin):.0f} lines of aim a second, {1e3 * cost:.1f} ms of a core each"
+    )
+    assert cost < 0.05
 
 
 def test_a_taken_port_is_named() -> None:
