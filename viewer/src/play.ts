@@ -75,6 +75,8 @@ class Play {
   private asking = false;
   private dragged: string | undefined;
   private readonly answers: number[] = [];
+  /** What the sheet shows. */
+  private drawn = "";
   private readonly sheet = byId<HTMLCanvasElement>("sheet");
 
   async start(): Promise<void> {
@@ -355,6 +357,12 @@ class Play {
       [sheet.width, sheet.height] = [Math.round(width * sharp), Math.round(height * sharp)];
       [sheet.style.width, sheet.style.height] = [`${width}px`, `${height}px`];
     }
+    // The sheet lies over the whole table: it is drawn anew only where something changed.
+    const corner = ([x, y]: Vec) => viewer?.project?.([x, y, 0]);
+    const { sight, ghost } = this;
+    const now = JSON.stringify([aiming, width, height, sharp, corner([0, 0, 0]), corner([1, 1, 0]), this.aim, sight, ghost, this.state]);
+    if (now === this.drawn) return;
+    this.drawn = now;
     const pen = sheet.getContext("2d")!;
     pen.setTransform(sharp, 0, 0, sharp, 0, 0);
     pen.clearRect(0, 0, width, height);
@@ -380,10 +388,9 @@ class Play {
       const turn = Array.from({ length: 33 }, (_, k) => (k * Math.PI) / 16);
       line(turn.map((t) => [x + radius * Math.cos(t), y + radius * Math.sin(t)]), colour, 1.5);
     };
-    if (this.ghost) return ring(this.ghost, "#ffffff");
+    if (ghost) return ring(ghost, "#ffffff");
     if (this.state.back) disc(balls[CUE]);
     this.stick(line, balls[CUE]);
-    const { sight } = this;
     if (!sight) return;
     line(sight.path, "rgb(255 255 255 / 0.85)", 1.5);
     for (const [name, way] of Object.entries(sight.after)) {
