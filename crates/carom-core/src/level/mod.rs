@@ -109,7 +109,7 @@ pub(crate) fn newton_options(
 
 /// Friction of the companion that may be the answer where nothing solves an island; nothing for whoever asks for one solver, for Newton's
 /// method alone, or for the law as printed. Positions have no friction then: what slides moves apart in a companion, and what is lifted has energy.
-fn companion(options: &Options, position: bool) -> Option<f64> {
+pub(crate) fn companion(options: &Options, position: bool) -> Option<f64> {
     let plain = options.solver == Solver::Auto
         && options.gauss_seidel_sweeps > 0
         && !options.impact.is_printed();

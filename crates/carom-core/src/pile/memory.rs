@@ -56,6 +56,8 @@ pub struct Pile {
     pub(super) keeper: Keeper,
     /// Take what did not converge, and count it.
     pub(super) accept: bool,
+    /// What sweeps do not solve is solved by its convex companion.
+    pub(super) companion: bool,
     /// Give memory back as soon as it was used ([`is_huge`]).
     pub(super) huge: bool,
 }
@@ -85,6 +87,7 @@ impl Pile {
             ends: Vec::new(),
             keeper: Keeper::default(),
             accept: false,
+            companion: false,
             huge: false,
         }
     }

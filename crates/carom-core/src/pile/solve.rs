@@ -199,7 +199,15 @@ impl Pile {
     }
 
     fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Progress {
-        let progress = self.sweeps.settle(goal);
+        let mut progress = self.sweeps.settle(goal);
+        if !progress.converged && self.companion && self.law != Law::Expansion {
+            let found = self.sweeps.settle_companion(goal);
+            report.fallbacks += 1;
+            progress = Progress {
+                sweeps: progress.sweeps + found.sweeps,
+                ..found
+            };
+        }
         report.sweeps_velocity += progress.sweeps as u32;
         report.residual_velocity = report.residual_velocity.max(progress.residual);
         report.fallbacks += u32::from(progress.lenient);

@@ -69,6 +69,7 @@ impl Sweeps {
             memory,
             threads,
             instructions,
+            law,
             ..
         } = self;
         memory.states.resize(states.len(), State::default());
@@ -95,7 +96,8 @@ impl Sweeps {
             .chain(layout.stages.iter().map(|k| k + chunks.len()))
             .collect();
         let work = |round: usize, task: usize| {
-            let [beta, kept] = factors(rounds[round].age.load(Relaxed), cap);
+            let factors = factors(rounds[round].age.load(Relaxed), cap);
+            let [beta, kept] = factors;
             let Some(index) = task.checked_sub(chunks.len()) else {
                 let (states, last) = &mut *lock(&chunks[task]);
                 instructions.run(Follow {
@@ -107,7 +109,7 @@ impl Sweeps {
                 return;
             };
             let block = &mut **lock(&blocks[index]);
-            let along = Along::new(beta, kept);
+            let along = Along::new(factors, *law);
             let left = &mut *lock(&chunks[block.left as usize]);
             let done = if block.left == block.right {
                 pass(*instructions, block, left.0, None, along)

@@ -1,6 +1,7 @@
 //! What sweeps read and write: the bodies, and the contacts of a group column by column.
 
-use super::lanes::{Column, GROUP};
+use super::lanes::{Column, Lanes, GROUP};
+use super::vectors::part;
 use super::Contact;
 use prefetch_index::prefetch_index;
 
@@ -33,8 +34,8 @@ pub struct ContactLanes {
     /// Measures at `u = 0` as a vector, m/s.
     pub slip: [Column; 3],
     pub friction: Column,
-    /// `1/w_N` and `1/w_T`, kg.
-    pub mass_normal: Column,
+    /// Step along the normal for `-z_N` (`kernel`), and `1/w_T`, kg.
+    pub step_normal: Column,
     pub mass_tangential: Column,
     /// `w_N`, 1/kg.
     pub weight: Column,
@@ -48,11 +49,8 @@ impl ContactLanes {
     pub fn set_bodies(&mut self, numbers: [[u32; 2]; GROUP], states: [[&State; 2]; GROUP]) {
         let linear = states.map(|[a, b]| a.linear[3] + b.linear[3]);
         let surface = states.map(|[a, b]| a.surface[3] + b.surface[3]);
-        // The world on both sides: no contact.
-        let inverse = |w: f64| if w > 0.0 { 1.0 / w } else { 0.0 };
         self.a = numbers.map(|[a, _]| a);
         self.b = numbers.map(|[_, b]| b);
-        self.mass_normal = linear.map(inverse);
         self.weight = linear;
         self.mass_tangential = std::array::from_fn(|lane| inverse(linear[lane] + surface[lane]));
     }
@@ -67,7 +65,7 @@ impl ContactLanes {
             ask(&self.slip[k]);
         }
         ask(&self.friction);
-        ask(&self.mass_normal);
+        ask(&self.step_normal);
         ask(&self.mass_tangential);
     }
 
@@ -79,6 +77,17 @@ impl ContactLanes {
             self.slip[k][lane] = sign * contact.slip[k];
         }
         self.friction[lane] = contact.friction;
+        self.step_normal[lane] = inverse(self.weight[lane]) / contact.friction.max(1.0);
+    }
+
+    /// `1/w_N` of the lanes from `at`, kg.
+    #[inline(always)]
+    pub fn mass_normal<S: Lanes>(&self, s: S, at: usize) -> S::f64s {
+        let steps = part::<S>(&self.step_normal, at);
+        let friction = part::<S>(&self.friction, at);
+        let one = s.splat_f64s(1.0);
+        let most = s.select_f64s(s.greater_than_f64s(friction, one), friction, one);
+        s.mul_f64s(steps, most)
     }
 
     /// The impulse of a lane, on side `a` of its contact.
@@ -87,6 +96,15 @@ impl ContactLanes {
         for k in 0..3 {
             self.impulse[k][lane] = sign * impulse[k];
         }
+    }
+}
+
+/// 0 of 0: with the world on both sides there is no contact.
+fn inverse(w: f64) -> f64 {
+    if w > 0.0 {
+        1.0 / w
+    } else {
+        0.0
     }
 }
 

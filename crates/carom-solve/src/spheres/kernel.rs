@@ -10,6 +10,11 @@
 //! r_T+ = x min(1, mu r_N+ / |x|)
 //! ```
 //!
+//! Where mu > 1 the step along the normal is `1/(mu w_N)`: a longer one changes the disc of friction by more than itself, and
+//! grains that are held by friction from all sides go round in circles (deposits with mu = 3).
+//!
+//! The convex companion (`companion`) has the same `x` with the nearest point of the whole cone, by `w`, in place of that of the disc.
+//!
 //! Impulses are vectors of the world: no tangents are needed. Multiplications and additions are never fused and are in
 //! the same order on all instruction sets, so all give the same bits.
 
@@ -56,6 +61,16 @@ pub fn measures<S: Lanes>(
     add(s, z, cross(s, n, surface))
 }
 
+/// What sweeps solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cone {
+    /// Coulomb's law: friction on the disc that belongs to the normal impulse.
+    #[default]
+    Discs,
+    /// Its convex companion (`crate::companion`).
+    Companion,
+}
+
 /// `r - m z` on the cone: along `n` on the half-line from `least` on, with the mass `m_N`, across on the disc that belongs to it, with `m_T`.
 #[inline(always)]
 pub fn project<S: Lanes>(
@@ -66,13 +81,25 @@ pub fn project<S: Lanes>(
     n: V3<S>,
     [mass_n, mass_t]: [S::f64s; 2],
     [friction, least]: [S::f64s; 2],
+    law: Cone,
 ) -> V3<S> {
     let normal = s.sub_f64s(r_n, s.mul_f64s(z_n, mass_n));
-    let normal = s.select_f64s(s.greater_than_f64s(normal, least), normal, least);
     let x = sub(s, r, scale(s, mass_t, z));
     let x_n = s.sub_f64s(r_n, s.mul_f64s(mass_t, z_n));
     let x = sub(s, x, scale(s, x_n, n));
     let squared = dot(s, x, x);
+    let normal = match law {
+        Cone::Discs => normal,
+        Cone::Companion => {
+            let length = s.sqrt_f64s(squared);
+            let stiff = s.mul_f64s(friction, mass_n);
+            let over = s.add_f64s(mass_t, s.mul_f64s(friction, stiff));
+            let sum = s.add_f64s(s.mul_f64s(mass_t, normal), s.mul_f64s(stiff, length));
+            let outside = s.greater_than_f64s(length, s.mul_f64s(friction, normal));
+            s.select_f64s(outside, s.div_f64s(sum, over), normal)
+        }
+    };
+    let normal = s.select_f64s(s.greater_than_f64s(normal, least), normal, least);
     let radius = s.mul_f64s(friction, normal);
     let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
     let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
@@ -94,12 +121,13 @@ fn solve<S: Lanes>(
     let old = carry.step(s, group, at);
     let z = measures(s, bodies, group, at);
     let (old_n, z_n) = (dot(s, old, n), dot(s, z, n));
-    let masses = [
-        part::<S>(&group.mass_normal, at),
-        part::<S>(&group.mass_tangential, at),
-    ];
+    let step_n = match carry.law {
+        Cone::Discs => part::<S>(&group.step_normal, at),
+        Cone::Companion => group.mass_normal(s, at),
+    };
+    let masses = [step_n, part::<S>(&group.mass_tangential, at)];
     let bounds = [part::<S>(&group.friction, at), part::<S>(least, at)];
-    let new = project(s, old, [old_n, z_n], z, n, masses, bounds);
+    let new = project(s, old, [old_n, z_n], z, n, masses, bounds, carry.law);
     let change = sub(s, new, old);
     put::<S>(&mut group.impulse, at, new);
     carry.note(s, group, at, change, z_n);

@@ -153,7 +153,7 @@ pub fn norms<S: Lanes>(s: S, block: &ContactBlock, bodies: &Both, penalty_scale:
             let n = parts::<S>(&group.normal, at);
             // Discs belong to the augmented normal impulse, as in `residual`.
             let force = measures(s, gather(s, bodies, group, at), group, at);
-            let mass = s.mul_f64s(scale_of, part::<S>(&group.mass_normal, at));
+            let mass = s.mul_f64s(scale_of, group.mass_normal(s, at));
             let r_n = dot(s, parts::<S>(&group.impulse, at), n);
             let normal = s.sub_f64s(r_n, s.mul_f64s(mass, dot(s, force, n)));
             let m = parts::<S>(&rolls.moment, at);

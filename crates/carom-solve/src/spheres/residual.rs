@@ -2,7 +2,7 @@
 
 use super::bodies::{Both, State};
 use super::groups::{least, ContactBlock};
-use super::kernel::{gather, measures, project};
+use super::kernel::{gather, measures, project, Cone};
 use super::lanes::{head, Lanes, Work, GROUP};
 use super::vectors::{dot, part, parts, sub};
 
@@ -30,6 +30,7 @@ pub struct NormsOf<'a> {
     pub left: &'a [State],
     pub right: &'a [State],
     pub penalty_scale: f64,
+    pub law: Cone,
 }
 
 impl Work for NormsOf<'_> {
@@ -48,7 +49,7 @@ impl Work for NormsOf<'_> {
                 let z = measures(s, gather(s, &bodies, group, at), group, at);
                 let (r_n, z_n) = (dot(s, r, n), dot(s, z, n));
                 let masses = [
-                    s.mul_f64s(scale_of, part::<S>(&group.mass_normal, at)),
+                    s.mul_f64s(scale_of, group.mass_normal(s, at)),
                     s.mul_f64s(scale_of, part::<S>(&group.mass_tangential, at)),
                 ];
                 let phi = project(
@@ -59,6 +60,7 @@ impl Work for NormsOf<'_> {
                     n,
                     masses,
                     [part::<S>(&group.friction, at), part::<S>(least, at)],
+                    self.law,
                 );
                 let residual = sub(s, phi, r);
                 let lane = at / S::F64_LANES;

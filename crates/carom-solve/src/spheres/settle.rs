@@ -1,6 +1,7 @@
 //! Sweeps until a goal is reached.
 
 use super::goal::{Goal, Progress};
+use super::kernel::Cone;
 use super::momentum::Change;
 use super::sweeps::Sweeps;
 
@@ -39,6 +40,21 @@ impl Sweeps {
         };
         self.norms = Some((goal.penalty_scale, norms));
         goal.judge(&norms, sweeps)
+    }
+
+    /// [`Sweeps::settle`] on the convex companion, from the present impulses; the residual is that of Coulomb's law.
+    pub fn settle_companion(&mut self, goal: &Goal) -> Progress {
+        (self.law, self.norms) = (Cone::Companion, None);
+        let found = self.settle(&Goal {
+            weighed: false,
+            rescale: usize::MAX,
+            ..*goal
+        });
+        (self.law, self.norms) = (Cone::Discs, None);
+        Progress {
+            residual: self.judge(goal, 0).residual,
+            ..found
+        }
     }
 
     /// Sweeps until the goal is met or its sweeps are used up. When to look follows from what the sweeps change.

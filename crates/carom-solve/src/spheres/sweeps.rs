@@ -3,6 +3,7 @@
 use super::bodies::{ContactLanes, State};
 use super::goal::Norms;
 use super::groups::{ContactBlock, Slots, Source};
+use super::kernel::Cone;
 use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
@@ -26,6 +27,7 @@ pub struct Sweeps {
     /// Norms at the present impulses, by their penalty scale, once they were asked for.
     pub(super) norms: Option<(f64, Norms)>,
     pub(super) memory: Memory,
+    pub(super) law: Cone,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
     pub instructions: Instructions,
@@ -187,6 +189,7 @@ impl Sweeps {
                     left,
                     right,
                     penalty_scale,
+                    law: self.law,
                 })
             },
         );
