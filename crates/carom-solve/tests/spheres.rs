@@ -205,6 +205,22 @@ fn bits(sweeps: &Sweeps) -> Vec<u64> {
     impulses.chain(velocities).map(f64::to_bits).collect()
 }
 
+fn asked(tolerance: f64, most: usize) -> Goal {
+    Goal {
+        tolerance,
+        floor: 0.0,
+        scale: 0.0,
+        closing: f64::INFINITY,
+        penalty_scale: 1.0,
+        patience: usize::MAX,
+        most,
+        had: 0,
+        rescale: usize::MAX,
+        weighed: false,
+        calm: 1.0,
+    }
+}
+
 #[test]
 fn sweeps_reach_a_solution_of_the_rows() {
     for (seed, balls, friction) in [
@@ -233,6 +249,72 @@ fn sweeps_reach_a_solution_of_the_rows() {
             "seed {seed}: nothing is pressed"
         );
     }
+}
+
+/// With whole steps along normals sweeps solve 10 of these 20 (`kernel`).
+#[test]
+fn much_friction_converges() {
+    let solved = (1..=20).filter(|&seed| {
+        let mut s = sweeps(&heap(seed, 12, 10.0), 1);
+        s.settle(&asked(1e-6, 4_000)).converged
+    });
+    assert!(solved.count() >= 16);
+}
+
+/// The companion's measures are in the dual cones and at right angles to its impulses, which are in the cones.
+#[test]
+fn the_companion_is_a_convex_problem() {
+    for (seed, friction) in [(1, 0.3), (2, 0.9), (3, 3.0)] {
+        let p = heap(seed, 30, friction);
+        let mut s = sweeps(&p, 1);
+        let progress = s.settle_companion(&asked(1e-12, 40_000));
+        assert!(progress.converged, "{progress:?}");
+        let system = rows(&p);
+        let lambda = as_rows(&p, &s.impulses());
+        let u: Vec<f64> = s.velocities()[..system.nodes()].concat();
+        let mut z = vec![0.0; system.rows()];
+        system.linear_measures(&u, &mut z);
+        let [most, fastest] = [&lambda, &z].map(|x| common::largest(x));
+        let mut slides = 0;
+        for (l, z) in lambda.chunks_exact(3).zip(z.chunks_exact(3)) {
+            let [force, slip] = [l, z].map(|x| x[1].hypot(x[2]));
+            assert!(force <= friction * l[0] + 1e-9 * most);
+            assert!(
+                z[0] >= friction * slip - 1e-7 * fastest,
+                "{l:?} {z:?} {most} {fastest}"
+            );
+            let power: f64 = l.iter().zip(z).map(|(l, z)| l * z).sum();
+            assert!(power.abs() <= 1e-7 * most * fastest);
+            slides += u32::from(l[0] > 1e-6 * most && slip > 1e-6 * fastest);
+        }
+        assert!(slides > 0, "seed {seed}: nothing slides");
+    }
+}
+
+/// Balls between walls that come together have no velocities that do not close: sweeps say so early.
+#[test]
+fn what_has_no_solution_is_given_up() {
+    let ball = Body {
+        inv_mass: 1.0,
+        inv_inertia: 2.5,
+        radius: 1.0,
+    };
+    let wall = |x: f64| Contact {
+        a: 0,
+        b: WORLD,
+        normal: [x, 0.0, 0.0],
+        slip: [-x, 0.0, 0.0],
+        friction: 0.5,
+    };
+    let contacts = [wall(1.0), wall(-1.0)];
+    let mut s = Sweeps::new(&[ball], &contacts, None, 1).expect("a good problem");
+    let progress = s.settle(&Goal {
+        tolerance: 1e-2,
+        closing: 1e-6,
+        ..asked(1e-2, 64_000)
+    });
+    assert!(!progress.converged);
+    assert!(progress.sweeps < 5_000, "{progress:?}");
 }
 
 /// Without friction velocities are unique: those of Newton's method.

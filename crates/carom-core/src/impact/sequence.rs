@@ -93,12 +93,22 @@ pub trait ImpactIsland: Sync {
 }
 
 /// Solves the chosen contacts by `law` with all present impulses fixed, takes restitution from groups that gain energy, and adds what is left.
+/// Without restitution where that is not solved: wedged spheres may have no velocities that Newton's law asks for.
 #[must_use]
 pub fn solve_problem(island: &mut impl ImpactIsland, law: Law, problem: u32, start: Start) -> bool {
+    let before = *island.report();
     if !island.solve(law, problem, start) {
-        return false;
-    }
-    if law.has_restitution() && island.has_safeguard() && island.gains(problem) {
+        if !law.has_restitution() {
+            return false;
+        }
+        // What was tried is no part of the step.
+        *island.report() = before;
+        island.report().fallbacks += 1;
+        if !island.solve(Law::Plastic, problem, start) {
+            return false;
+        }
+        island.give_up_restitution();
+    } else if law.has_restitution() && island.has_safeguard() && island.gains(problem) {
         let with = island.take_solution();
         if !island.solve_without_restitution(problem) {
             return false;
@@ -198,20 +208,5 @@ pub fn end(island: &mut impl ImpactIsland, law: Law, later: Option<bool>) -> boo
     island.report().truncated += 1;
     island.choose(|_| true);
     let number = island.bounds().most + 1;
-    let before = *island.report();
-    if solve_problem(island, law, number, Start::Positions) {
-        return true;
-    }
-    if law == Law::Plastic {
-        return false;
-    }
-    // Wedged spheres may have no velocities that Newton's law asks for. What was tried is no part of the step.
-    *island.report() = before;
-    island.report().fallbacks += 1;
-    let solved = island.solve(Law::Plastic, number, Start::Positions);
-    if solved {
-        island.give_up_restitution();
-        island.add(number);
-    }
-    solved
+    solve_problem(island, law, number, Start::Positions)
 }

@@ -7,7 +7,7 @@ use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
-use crate::pile::limits::{fits, may_fall_back};
+use crate::pile::limits::fits;
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
 use crate::{impact, pile};
@@ -41,7 +41,7 @@ pub fn solve_island(
         return true;
     }
     if fits(task.model, island) {
-        let others = may_fall_back(island);
+        let others = false;
         let accept = task.demand == Demand::Accepted && !others;
         let solved = pile::solve_velocities(task, scratch, island, report, accept);
         if solved || !others {

@@ -10,7 +10,7 @@ use crate::level::speeds::Speeds;
 use crate::model::Model;
 use crate::options::Impact;
 use crate::outcome::{ImpactRecord, Level};
-use crate::pile::limits::{fits, may_fall_back};
+use crate::pile::limits::fits;
 use crate::report::StepReport;
 use crate::workspace::IslandScratch;
 use crate::{impact, pile};
@@ -47,7 +47,7 @@ pub fn solve_island(
         }
     }
     if fits(model, island) {
-        let others = may_fall_back(island);
+        let others = false;
         let accept = task.demand == Demand::Accepted && !others;
         if pile::solve_velocities(task, scratch, island, report, accept) {
             return true;

@@ -13,7 +13,7 @@ use crate::level::{companion, Task};
 use crate::model::Model;
 use crate::options::Problems;
 use crate::outcome::Level;
-use crate::pile::limits::{may_fall_back, node};
+use crate::pile::limits::node;
 use crate::pile::memory::Pile;
 use crate::pile::turning::{any_rolls, Turning};
 use crate::pile::velocities::Velocities;
@@ -38,7 +38,7 @@ pub fn solve_velocities(
     let mut pile = std::mem::take(scratch.pile);
     pile.keeper = std::mem::take(scratch.keeper);
     pile.accept = accept;
-    pile.companion = !may_fall_back(island) && companion(&task.model.options, false).is_some();
+    pile.companion = companion(&task.model.options, false).is_some();
     let solved = pile.impacts(task, scratch, island, report);
     *scratch.keeper = std::mem::take(&mut pile.keeper);
     *scratch.pile = pile;

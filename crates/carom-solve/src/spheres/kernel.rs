@@ -11,7 +11,7 @@
 //! ```
 //!
 //! Where mu > 1 the step along the normal is `1/(mu w_N)`: a longer one changes the disc of friction by more than itself, and
-//! grains that are held by friction from all sides go round in circles (deposits with mu = 3).
+//! sweeps cycle where friction holds grains from all sides (deposits with mu = 3).
 //!
 //! The convex companion (`companion`) has the same `x` with the nearest point of the whole cone, by `w`, in place of that of the disc.
 //!
@@ -80,8 +80,7 @@ pub fn project<S: Lanes>(
     z: V3<S>,
     n: V3<S>,
     [mass_n, mass_t]: [S::f64s; 2],
-    [friction, least]: [S::f64s; 2],
-    law: Cone,
+    ([friction, least], law): ([S::f64s; 2], Cone),
 ) -> V3<S> {
     let normal = s.sub_f64s(r_n, s.mul_f64s(z_n, mass_n));
     let x = sub(s, r, scale(s, mass_t, z));
@@ -127,7 +126,7 @@ fn solve<S: Lanes>(
     };
     let masses = [step_n, part::<S>(&group.mass_tangential, at)];
     let bounds = [part::<S>(&group.friction, at), part::<S>(least, at)];
-    let new = project(s, old, [old_n, z_n], z, n, masses, bounds, carry.law);
+    let new = project(s, old, [old_n, z_n], z, n, masses, (bounds, carry.law));
     let change = sub(s, new, old);
     put::<S>(&mut group.impulse, at, new);
     carry.note(s, group, at, change, z_n);

@@ -59,8 +59,10 @@ impl Work for NormsOf<'_> {
                     z,
                     n,
                     masses,
-                    [part::<S>(&group.friction, at), part::<S>(least, at)],
-                    self.law,
+                    (
+                        [part::<S>(&group.friction, at), part::<S>(least, at)],
+                        self.law,
+                    ),
                 );
                 let residual = sub(s, phi, r);
                 let lane = at / S::F64_LANES;

@@ -1,6 +1,6 @@
 //! Sweeps until a goal is reached.
 
-use super::goal::{Goal, Progress};
+use super::goal::{Goal, Progress, LENIENCE};
 use super::kernel::Cone;
 use super::momentum::Change;
 use super::sweeps::Sweeps;
@@ -18,6 +18,8 @@ const LIKELY: f64 = 0.9;
 const TIRED: usize = 250;
 /// Bounds of the momentum (1): 1 is none.
 const CAPS: [f64; 2] = [1.0, 0.5];
+/// Sweeps (1) after which a problem may be given up that has no solution, and between two such looks.
+const LONG: usize = 1_000;
 /// No change is as small.
 const NEVER: Change = Change {
     squared: -1.0,
@@ -68,6 +70,10 @@ impl Sweeps {
             usize::MAX
         };
         let mut weighed = !(goal.weighed && self.scales());
+        let mut before = Progress {
+            closing: f64::INFINITY,
+            ..now
+        };
         while now.sweeps < goal.most && now.residual.is_finite() {
             if now.converged {
                 if std::mem::replace(&mut weighed, true) || !self.rescale() {
@@ -89,6 +95,12 @@ impl Sweeps {
             self.accelerated(least, cap, NEVER);
             let done = least + self.accelerated(count - least, cap, enough);
             now = self.judge(goal, now.sweeps + done);
+            if now.sweeps >= before.sweeps + LONG {
+                if hopeless(goal, &before, &now) {
+                    break;
+                }
+                before = now;
+            }
             most = MOST_BETWEEN;
             enough = likely(&self.memory.last, &now, goal);
         }
@@ -99,6 +111,14 @@ impl Sweeps {
 /// Largest `beta` after so many sweeps: where contacts stick, slip and open in turn it may be the momentum that drives them.
 fn momentum(sweeps: usize) -> f64 {
     CAPS[sweeps / TIRED % CAPS.len()]
+}
+
+/// Whether contacts go on closing although forces grow: at this pace they close when all sweeps are used up. Newton's law asks for
+/// velocities that wedged spheres cannot have.
+fn hopeless(goal: &Goal, before: &Progress, now: &Progress) -> bool {
+    let left = (goal.most - now.sweeps) as f64 / (now.sweeps - before.sweeps) as f64;
+    let least = now.closing * (now.closing / before.closing).powf(left);
+    now.residual < goal.tolerance && least > LENIENCE * goal.closing
 }
 
 /// The change of a sweep after which the goal is likely met: residuals are proportional to changes, closing measures at the end of a
