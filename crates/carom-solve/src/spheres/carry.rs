@@ -1,7 +1,7 @@
 //! What a sweep does beside solving contacts: before, a step further on the way that it came (`accelerate`); after, it sums what it changed.
 
 use super::bodies::{ask, ContactLanes};
-use super::kernel::Cone;
+use super::goal::Projection;
 use super::lanes::{Column, Lanes};
 use super::rolls::Rolls;
 use super::vectors::{add, dot, part, parts, put, scale, V3};
@@ -11,14 +11,14 @@ pub struct Along {
     /// `beta`, and 0 if the group's `p + d` is of another problem, else 1.
     pub beta: f64,
     pub kept: f64,
-    pub law: Cone,
+    pub law: Projection,
     /// Per lane: `|d|^2` over the masses, and the largest `-z_N` that was met.
     pub squared: Column,
     pub closing: Column,
 }
 
 impl Along {
-    pub fn new([beta, kept]: [f64; 2], law: Cone) -> Along {
+    pub fn new([beta, kept]: [f64; 2], law: Projection) -> Along {
         Along {
             beta,
             kept,

@@ -16,6 +16,16 @@ pub struct Norms {
     pub closing: f64,
 }
 
+/// What sweeps solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Projection {
+    /// Coulomb's law: friction on the disc that belongs to the normal impulse.
+    #[default]
+    Discs,
+    /// Its convex companion (`crate::companion`).
+    Companion,
+}
+
 /// What is asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {

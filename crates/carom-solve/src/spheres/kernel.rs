@@ -20,6 +20,7 @@
 
 use super::bodies::{Bodies, ContactLanes, Read};
 use super::carry::Along;
+use super::goal::Projection;
 use super::lanes::{Column, Lanes, Work, GROUP};
 use super::vectors::{add, cross, dot, part, parts, put, scale, sub, V3};
 
@@ -61,16 +62,6 @@ pub fn measures<S: Lanes>(
     add(s, z, cross(s, n, surface))
 }
 
-/// What sweeps solve.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Cone {
-    /// Coulomb's law: friction on the disc that belongs to the normal impulse.
-    #[default]
-    Discs,
-    /// Its convex companion (`crate::companion`).
-    Companion,
-}
-
 /// `r - m z` on the cone: along `n` on the half-line from `least` on, with the mass `m_N`, across on the disc that belongs to it, with `m_T`.
 #[inline(always)]
 pub fn project<S: Lanes>(
@@ -80,7 +71,7 @@ pub fn project<S: Lanes>(
     z: V3<S>,
     n: V3<S>,
     [mass_n, mass_t]: [S::f64s; 2],
-    ([friction, least], law): ([S::f64s; 2], Cone),
+    ([friction, least], law): ([S::f64s; 2], Projection),
 ) -> V3<S> {
     let normal = s.sub_f64s(r_n, s.mul_f64s(z_n, mass_n));
     let x = sub(s, r, scale(s, mass_t, z));
@@ -88,8 +79,8 @@ pub fn project<S: Lanes>(
     let x = sub(s, x, scale(s, x_n, n));
     let squared = dot(s, x, x);
     let normal = match law {
-        Cone::Discs => normal,
-        Cone::Companion => {
+        Projection::Discs => normal,
+        Projection::Companion => {
             let length = s.sqrt_f64s(squared);
             let stiff = s.mul_f64s(friction, mass_n);
             let over = s.add_f64s(mass_t, s.mul_f64s(friction, stiff));
@@ -121,8 +112,8 @@ fn solve<S: Lanes>(
     let z = measures(s, bodies, group, at);
     let (old_n, z_n) = (dot(s, old, n), dot(s, z, n));
     let step_n = match carry.law {
-        Cone::Discs => part::<S>(&group.step_normal, at),
-        Cone::Companion => group.mass_normal(s, at),
+        Projection::Discs => part::<S>(&group.step_normal, at),
+        Projection::Companion => group.mass_normal(s, at),
     };
     let masses = [step_n, part::<S>(&group.mass_tangential, at)];
     let bounds = [part::<S>(&group.friction, at), part::<S>(least, at)];

@@ -1,8 +1,9 @@
 //! What is computed beside the sweep, without its kernel: the residual, and `u` of given impulses.
 
 use super::bodies::{Both, State};
+use super::goal::Projection;
 use super::groups::{least, ContactBlock};
-use super::kernel::{gather, measures, project, Cone};
+use super::kernel::{gather, measures, project};
 use super::lanes::{head, Lanes, Work, GROUP};
 use super::vectors::{dot, part, parts, sub};
 
@@ -30,7 +31,7 @@ pub struct NormsOf<'a> {
     pub left: &'a [State],
     pub right: &'a [State],
     pub penalty_scale: f64,
-    pub law: Cone,
+    pub law: Projection,
 }
 
 impl Work for NormsOf<'_> {

@@ -1,7 +1,6 @@
 //! Sweeps until a goal is reached.
 
-use super::goal::{Goal, Progress, LENIENCE};
-use super::kernel::Cone;
+use super::goal::{Goal, Progress, Projection, LENIENCE};
 use super::momentum::Change;
 use super::sweeps::Sweeps;
 
@@ -46,13 +45,13 @@ impl Sweeps {
 
     /// [`Sweeps::settle`] on the convex companion, from the present impulses; the residual is that of Coulomb's law.
     pub fn settle_companion(&mut self, goal: &Goal) -> Progress {
-        (self.law, self.norms) = (Cone::Companion, None);
+        (self.law, self.norms) = (Projection::Companion, None);
         let found = self.settle(&Goal {
             weighed: false,
             rescale: usize::MAX,
             ..*goal
         });
-        (self.law, self.norms) = (Cone::Discs, None);
+        (self.law, self.norms) = (Projection::Discs, None);
         Progress {
             residual: self.judge(goal, 0).residual,
             ..found

@@ -1,9 +1,8 @@
 //! The sweeps: a problem in the order in which it is swept, and what is asked of it.
 
 use super::bodies::{ContactLanes, State};
-use super::goal::Norms;
+use super::goal::{Norms, Projection};
 use super::groups::{ContactBlock, Slots, Source};
-use super::kernel::Cone;
 use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
@@ -27,7 +26,8 @@ pub struct Sweeps {
     /// Norms at the present impulses, by their penalty scale, once they were asked for.
     pub(super) norms: Option<(f64, Norms)>,
     pub(super) memory: Memory,
-    pub(super) law: Cone,
+    /// Discs, but while a companion is swept.
+    pub(super) law: Projection,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
     pub instructions: Instructions,
