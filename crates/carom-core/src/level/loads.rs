@@ -41,13 +41,8 @@ pub fn solve_island(
         return true;
     }
     if fits(task.model, island) {
-        let others = false;
-        let accept = task.demand == Demand::Accepted && !others;
-        let solved = pile::solve_velocities(task, scratch, island, report, accept);
-        if solved || !others {
-            return solved;
-        }
-        report.fallbacks += 1;
+        let accept = task.demand == Demand::Accepted;
+        return pile::solve_velocities(task, scratch, island, report, accept);
     }
     impact::rows::solve_loads(task, scratch, island, report)
 }

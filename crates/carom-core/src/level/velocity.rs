@@ -47,15 +47,8 @@ pub fn solve_island(
         }
     }
     if fits(model, island) {
-        let others = false;
-        let accept = task.demand == Demand::Accepted && !others;
-        if pile::solve_velocities(task, scratch, island, report, accept) {
-            return true;
-        }
-        if !others {
-            return false;
-        }
-        report.fallbacks += 1;
+        let accept = task.demand == Demand::Accepted;
+        return pile::solve_velocities(task, scratch, island, report, accept);
     }
     impact::rows::solve_island(task, scratch, island, report)
 }

@@ -19,7 +19,7 @@ pub(super) const LEAST_UPDATES: usize = 2_000_000;
 /// Too many: each jam costs as many sweeps before it is halved.
 pub(super) const PATIENCE: usize = 1_000;
 
-/// Most contacts of an island that goes to Newton's method where sweeps fail; a step with a larger one is halved. More: one failure takes
+/// Most contacts of an island whose positions go to Newton's method where sweeps fail; a step with a larger one is halved. More: one failure takes
 /// minutes. Fewer: jams of a few hundred contacts end at the last halving, and the run stops.
 pub(super) const NEWTON_CONTACTS: usize = 500;
 
@@ -90,7 +90,7 @@ pub(super) fn budget(contacts: usize) -> usize {
     (LEAST_UPDATES / contacts.max(1)).clamp(SWEEPS, 16 * SWEEPS)
 }
 
-/// Whether the solvers of the small islands may try what failed here: beyond some hundred contacts they take minutes.
+/// Whether the solvers of the small islands may try positions that failed here: beyond some hundred contacts they take minutes.
 pub fn may_fall_back(island: Island) -> bool {
     island.contacts.len() <= NEWTON_CONTACTS
 }

@@ -2,8 +2,8 @@
 //!
 //! The law is that of the small islands (`level`, `impact`); decision record 011 says what differs: one frame per contact, at the
 //! normal of the end of the step, so that [`carom_solve::spheres`] applies; a tolerance of piles; impact problems after the first
-//! are solved where something closes and nowhere else (`cascade`). What does not converge here goes to the solvers of the small
-//! islands, and is counted.
+//! are solved where something closes and nowhere else (`cascade`). Velocities that do not converge are
+//! those of the convex companion, positions go to the solvers of the small islands; both are counted.
 
 mod cascade;
 mod chunks;
