@@ -237,7 +237,7 @@ impl Motion {
         if loses > 0.0 {
             self.lasts = MORE * (v + q).length() / loses;
         }
-        let (v, q, holds) = series(v, q, rates);
+        let (v, q, holds) = series(v, q, n, rates);
         for k in 1..TERMS - 1 {
             self.x[k + 1] = v[k] / (k + 1) as f64;
             self.w[k] = -n.cross(q[k]) / r;
