@@ -31,7 +31,10 @@ fn measure(name: &str, input: &ModelInput, until: f64) {
         };
         let block = s.take_block();
         let events: u64 = block.steps.iter().map(|s| u64::from(s.substeps)).sum();
-        told = format!("{:>5} impacts {events:>5} events  {told}", block.impacts.len());
+        told = format!(
+            "{:>5} impacts {events:>5} events  {told}",
+            block.impacts.len()
+        );
     }
     times.sort_by(f64::total_cmp);
     let (low, median) = (1e3 * times[0], 1e3 * times[times.len() / 2]);

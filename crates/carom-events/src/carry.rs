@@ -28,7 +28,9 @@ impl Run<'_> {
             Motion::supported(self.model, i, support, now, x, [v, w])
         });
         // Without a form on its surface it would fall into it, and so presses it.
-        self.events.motions[i] = carried.unwrap_or_else(|| Motion::flight(now, x, [v, w], g));
+        let motion = carried.unwrap_or_else(|| Motion::flight(now, x, [v, w], g));
+        let ends = motion.start + motion.holds;
+        self.events.motions[i] = Motion { ends, ..motion };
     }
 
     /// The level surface that carries ball `i` in its present state, and the gap (m) to it.

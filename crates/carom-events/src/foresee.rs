@@ -1,7 +1,7 @@
 //! What will happen to a ball as it moves now: everything that may end its motion goes into the queue.
 
 use crate::curved::TERMS;
-use crate::meet::{self, along, Course, Meeting, Nothing};
+use crate::meet::{self, along, Course, Meeting, Nothing, Path};
 use crate::motion::Motion;
 use crate::queue::{Queue, What};
 use crate::roots::{falls, value};
@@ -21,14 +21,11 @@ pub const FLIGHT: f64 = 1e-9;
 const PLAIN: usize = 3;
 const SQUARES: usize = 2 * TERMS - 1;
 
-/// A bound of a way is more by this (1): of its rounding.
-const MORE: f64 = 1.0 + 1e-9;
-
 /// What all predictions of a step are made with.
 pub struct Foresight<'a> {
     pub model: &'a Model,
     pub state: &'a State,
-    pub motions: &'a [Motion],
+    pub motions: &'a mut [Motion],
     pub now: f64,
     pub end: f64,
     /// Fastest speed of the scene, m/s.
@@ -67,8 +64,7 @@ pub fn nothing(model: &Model, fastest: f64, r: f64) -> Nothing {
 impl Foresight<'_> {
     /// How long the motion of a ball is known.
     fn left(&self, i: usize) -> f64 {
-        let m = &self.motions[i];
-        (m.start + m.holds).min(self.end) - self.now
+        self.motions[i].ends.min(self.end) - self.now
     }
 
     /// How long its mode may last.
@@ -77,8 +73,22 @@ impl Foresight<'_> {
         (m.start + m.lasts).min(self.end) - self.now
     }
 
-    /// Everything about ball `i`, whose mode is new or has gone on; `with` says with which other balls.
-    pub fn ball(
+    /// What ball `i` meets alone, where its mode is new or has gone on. Returns when its motion ends at the latest: nothing else that happens later
+    /// will.
+    pub fn alone(&self, i: usize, is_new: bool, near: &mut Near, queue: &mut Queue) -> f64 {
+        let m = &self.motions[i];
+        if m.ends <= self.end {
+            queue.push(m.ends, (i as u32, i as u32), What::Change);
+        }
+        if m.terms <= PLAIN {
+            self.surroundings::<PLAIN, 5, 9>(i, is_new, near, queue)
+        } else {
+            self.surroundings::<TERMS, SQUARES, { 2 * SQUARES - 1 }>(i, is_new, near, queue)
+        }
+    }
+
+    /// Which other balls it meets; `with` says of which that is asked.
+    pub fn others(
         &self,
         i: usize,
         is_new: bool,
@@ -87,15 +97,6 @@ impl Foresight<'_> {
         queue: &mut Queue,
     ) {
         let m = &self.motions[i];
-        let a = i as u32;
-        if m.start + m.holds <= self.end {
-            queue.push(m.start + m.holds, (a, a), What::Change);
-        }
-        if m.terms <= PLAIN {
-            self.surroundings::<PLAIN, 5, 9>(i, is_new, near, queue);
-        } else {
-            self.surroundings::<TERMS, SQUARES, { 2 * SQUARES - 1 }>(i, is_new, near, queue);
-        }
         let here = (m.place(self.now), m.velocities(self.now)[0]);
         for j in 0..self.model.spheres() {
             if j == i || !self.state.present[j] || !with(j) {
@@ -124,9 +125,12 @@ impl Foresight<'_> {
     fn is_far_from(&self, i: usize, (x, v): (DVec3, DVec3), j: usize, left: f64) -> bool {
         let (a, b) = (&self.motions[i], &self.motions[j]);
         let between = x - b.place(self.now);
-        let speed = (v - b.velocities(self.now)[0]).length();
-        let way = left * (speed + 0.5 * (a.most + b.most) * left);
-        let reach = self.model.radius[i] + self.model.radius[j] + MORE * way;
+        let path = Path {
+            speed: (v - b.velocities(self.now)[0]).length(),
+            most: a.most + b.most,
+        };
+        let way = path.way(left);
+        let reach = self.model.radius[i] + self.model.radius[j] + way;
         between.length_squared() > reach * reach
     }
 
@@ -142,33 +146,60 @@ impl Foresight<'_> {
         meet::balls::<K, S>(&between, ra + rb, left, &nothing)
     }
 
-    /// Walls and outlets.
+    /// Walls and outlets. What is later than the first of them is not looked for.
     fn surroundings<const K: usize, const S: usize, const R: usize>(
         &self,
         i: usize,
         is_new: bool,
         near: &mut Near,
         queue: &mut Queue,
-    ) {
-        let (course, left): (Course<K>, f64) = (self.motions[i].course(self.now), self.left(i));
-        let (speed, most) = (course[1].length(), self.motions[i].most);
-        let way_in = |time: f64| MORE * time * (speed + 0.5 * most * time);
-        let way = way_in(left);
-        if is_new {
-            let (x, r, whole) = (course[0], self.model.radius[i], way_in(self.mode_left(i)));
-            for (w, wall) in self.model.walls.iter().enumerate() {
-                *near.of(i, self.model.spheres() + w) = wall.shape.clearance(x, r) <= whole;
+    ) -> f64 {
+        let (course, mut left): (Course<K>, f64) = (self.motions[i].course(self.now), self.left(i));
+        let path = Path {
+            speed: course[1].length(),
+            most: self.motions[i].most,
+        };
+        let (n, r, x) = (self.model.spheres(), self.model.radius[i], course[0]);
+        let whole = path.way(self.mode_left(i));
+        let nothing = nothing(self.model, self.fastest, r);
+        for (w, wall) in self.model.walls.iter().enumerate() {
+            let bodies = (i as u32, (n + w) as u32);
+            if self.motions[i].support.is_some_and(|s| s.wall == bodies.1) {
+                if let Some(t) = leaves::<K, S>(&wall.shape, &course, left) {
+                    queue.push(self.now + t, bodies, What::Edge);
+                    left = t;
+                }
+                continue;
+            }
+            let is_near = near.of(i, n + w);
+            if !is_new && !*is_near {
+                continue;
+            }
+            let clearance = wall.shape.clearance(x, r);
+            if is_new {
+                *is_near = clearance <= whole;
+            }
+            if clearance > path.way(left) {
+                continue;
+            }
+            let met = meet::wall::<K, S, R>(&wall.shape, &course, &path, r, left, &nothing);
+            self.push(met, bodies, queue);
+            match met {
+                Meeting::Never => {}
+                Meeting::At(t) => left = t,
+                Meeting::Pressed => left = 0.0,
             }
         }
-        self.walls::<K, S, R>(i, &course, [left, way], near, queue);
         let boxes = self.model.flow.outlets.iter();
         let first = boxes
-            .filter(|o| !is_far(o, course[0], way))
+            .filter(|o| !is_far(o, x, path.way(left)))
             .filter_map(|o| passes(o, &course, left))
             .fold(f64::INFINITY, f64::min);
         if first.is_finite() {
             queue.push(self.now + first, (i as u32, i as u32), What::Leave);
+            left = left.min(first);
         }
+        self.now + left
     }
 
     fn push(&self, met: Meeting, bodies: (u32, u32), queue: &mut Queue) {
@@ -176,32 +207,6 @@ impl Foresight<'_> {
             Meeting::Never => {}
             Meeting::At(t) => queue.push(self.now + t, bodies, What::Meet),
             Meeting::Pressed => queue.push(self.now, bodies, What::Press),
-        }
-    }
-
-    fn walls<const K: usize, const S: usize, const R: usize>(
-        &self,
-        i: usize,
-        course: &Course<K>,
-        [left, way]: [f64; 2],
-        near: &mut Near,
-        queue: &mut Queue,
-    ) {
-        let (n, r) = (self.model.spheres(), self.model.radius[i]);
-        let nothing = nothing(self.model, self.fastest, r);
-        for (w, wall) in self.model.walls.iter().enumerate() {
-            let bodies = (i as u32, (n + w) as u32);
-            if self.motions[i].support.is_some_and(|s| s.wall == bodies.1) {
-                if let Some(t) = leaves::<K, S>(&wall.shape, course, left) {
-                    queue.push(self.now + t, bodies, What::Edge);
-                }
-                continue;
-            }
-            if !*near.of(i, n + w) || wall.shape.clearance(course[0], r) > way {
-                continue;
-            }
-            let met = meet::wall::<K, S, R>(&wall.shape, course, r, left, &nothing);
-            self.push(met, bodies, queue);
         }
     }
 }

@@ -21,6 +21,23 @@ pub struct Nothing {
     pub flight: f64,
 }
 
+/// A bound of a way is more by this (1): of its rounding.
+const MORE: f64 = 1.0 + 1e-9;
+
+/// How far a course can lead: the speed at its start, m/s, and a bound of the acceleration, m/s^2.
+#[derive(Clone, Copy, Debug)]
+pub struct Path {
+    pub speed: f64,
+    pub most: f64,
+}
+
+impl Path {
+    /// In a time (s), m.
+    pub fn way(&self, time: f64) -> f64 {
+        MORE * time * (self.speed + 0.5 * self.most * time)
+    }
+}
+
 /// Share (1) of a time that its rounding may be off. Larger: grazing times are made worse.
 const POLISH: f64 = 1e-9;
 
@@ -132,6 +149,7 @@ pub fn balls<const K: usize, const S: usize>(
 pub fn wall<const K: usize, const S: usize, const R: usize>(
     shape: &Shape,
     course: &Course<K>,
+    path: &Path,
     r: f64,
     end: f64,
     nothing: &Nothing,
@@ -139,6 +157,7 @@ pub fn wall<const K: usize, const S: usize, const R: usize>(
     let mut look = Look::<K, S, R> {
         shape,
         course,
+        path,
         r,
         end,
         nothing,
@@ -154,7 +173,9 @@ pub fn wall<const K: usize, const S: usize, const R: usize>(
 struct Look<'a, const K: usize, const S: usize, const R: usize> {
     shape: &'a Shape,
     course: &'a Course<K>,
+    path: &'a Path,
     r: f64,
+    /// What is later is not looked for: the end, or the first meeting found.
     end: f64,
     nothing: &'a Nothing,
     touches: bool,
@@ -236,14 +257,20 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
 
     /// A ball of radius `size`, or a point.
     fn point(&mut self, centre: DVec3, size: f64) {
-        let f: [f64; S] = distance_gap(&self.from(centre), self.r + size);
-        self.feature(f);
+        self.outside(&self.from(centre), size);
     }
 
     /// A cylinder of radius `size` without end, or a line.
     fn line(&mut self, point: DVec3, axis: DVec3, size: f64) {
-        let f: [f64; S] = distance_gap(&self.across(point, axis), self.r + size);
-        self.feature(f);
+        self.outside(&self.across(point, axis), size);
+    }
+
+    fn outside(&mut self, from: &Course<K>, size: f64) {
+        let reach = self.r + size;
+        if from[0].length() - reach <= self.path.way(self.end) {
+            let f: [f64; S] = distance_gap(from, reach);
+            self.feature(f);
+        }
     }
 
     /// The inside of a ball, or of a cylinder about an axis.
@@ -291,6 +318,11 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
             other => other,
         };
         self.found = self.found.or(meeting);
+        match self.found {
+            Meeting::Never => {}
+            Meeting::At(t) => self.end = t,
+            Meeting::Pressed => self.end = 0.0,
+        }
     }
 
     /// A time of meeting once more by the gap itself: polynomials of high degree round where it does not.

@@ -85,6 +85,8 @@ pub struct Motion {
     pub holds: f64,
     /// How long the mode lasts at most, s: of slides in pieces more than one piece.
     pub lasts: f64,
+    /// When something ends this motion at the latest, s since the start of the step.
+    pub ends: f64,
     pub end: End,
 }
 

@@ -136,15 +136,12 @@ impl Run<'_> {
         for i in 0..n {
             self.set_off(i, now, self.support(i));
         }
-        for i in 0..n {
-            if self.state.present[i] {
-                self.foresee(i, now, true, |j| j > i);
-            }
-        }
+        let present: Vec<usize> = (0..n).filter(|&i| self.state.present[i]).collect();
+        self.foresee(&present, now, true);
     }
 
-    /// What will happen to ball `i`, whose mode is new or goes on in a new piece.
-    fn foresee(&mut self, i: usize, now: f64, is_new: bool, with: impl Fn(usize) -> bool) {
+    /// What will happen to some balls, in the order of their numbers, whose mode is new or goes on in a new piece.
+    fn foresee(&mut self, balls: &[usize], now: f64, is_new: bool) {
         let Events {
             motions,
             near,
@@ -159,7 +156,14 @@ impl Run<'_> {
             end: self.span.h,
             fastest: self.fastest,
         };
-        foresight.ball(i, is_new, with, near, queue);
+        for &i in balls {
+            foresight.motions[i].ends = foresight.alone(i, is_new, near, queue);
+        }
+        for (k, &i) in balls.iter().enumerate() {
+            // Each pair of them once.
+            let with = |j| balls[..k].binary_search(&j).is_err();
+            foresight.others(i, is_new, with, near, queue);
+        }
     }
 
     fn happens(&mut self, event: &Event) -> Result<(), Failure> {
@@ -186,7 +190,7 @@ impl Run<'_> {
                 (self.state.velocity[i], self.state.angular_velocity[i]) = (v, w);
                 self.events.queue.forget(i);
                 self.set_off(i, t, on.map(|support| (support, 0.0)));
-                self.foresee(i, t, end != End::Piece, |_| true);
+                self.foresee(&[i], t, end != End::Piece);
                 if let Some(kind) = end.kind() {
                     let (after, wall) = (self.events.motions[i].mode, on.map(|s| s.wall));
                     self.note(t, kind, i, wall, [mode, after]);
@@ -226,8 +230,6 @@ impl Run<'_> {
             self.events.queue.forget(i);
             self.set_off(i, t, self.support(i));
         }
-        for (k, &i) in balls.iter().enumerate() {
-            self.foresee(i, t, true, |j| !balls[..k].contains(&j));
-        }
+        self.foresee(balls, t, true);
     }
 }
