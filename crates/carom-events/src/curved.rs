@@ -82,43 +82,37 @@ const fn error() -> [f64; ALL - KEPT] {
 /// Terms of two vectors in the surface: of `u` and `q`, their sizes or their directions.
 type Both = [f64; 4];
 
-/// What is left of two products, term by term.
-#[inline]
-fn times(a: &[Both], b: &[Both]) -> Both {
-    let mut sum = [0.0; 4];
-    for (a, b) in a.iter().zip(b.iter().rev()) {
-        for ((sum, a), b) in sum.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
-    }
-    sum
-}
-
 /// Sizes and directions of two series whose first `k` terms are known, term by term.
 #[derive(Default)]
 struct Directions {
-    /// Term `k` times `k`.
-    rates: [Both; ALL],
-    sizes: [Both; ALL],
+    /// Term `k + 1` times `k + 1`, and the size.
+    rates: [[Both; 2]; ALL],
     along: [Both; ALL],
+    first: Both,
 }
 
 impl Directions {
     /// Term `k` of both directions, from terms up to `k`.
     fn term(&mut self, of: Both, k: usize) -> [DVec2; 2] {
-        let s = &mut self.sizes;
         let twice = |a: Both| [a[0] + a[1], a[0] + a[1], a[2] + a[3], a[2] + a[3]];
         let mut rest = of;
         if k == 0 {
-            s[0] = twice(of.map(|u| u * u)).map(f64::sqrt);
+            self.first = twice(of.map(|u| u * u)).map(f64::sqrt);
         } else {
-            self.rates[k] = of.map(|u| k as f64 * u);
-            let rises = twice(times(&self.rates[1..=k], &self.along[..k]));
-            s[k] = rises.map(|rise| rise / k as f64);
-            let others = times(&s[1..=k], &self.along[..k]);
-            rest = std::array::from_fn(|i| of[i] - others[i]);
+            self.rates[k - 1][0] = of.map(|u| k as f64 * u);
+            let mut sums = [[0.0; 4]; 2];
+            for (factors, e) in self.rates[..k].iter().zip(self.along[..k].iter().rev()) {
+                for (sum, factor) in sums.iter_mut().zip(factors) {
+                    for i in 0..4 {
+                        sum[i] += factor[i] * e[i];
+                    }
+                }
+            }
+            let size = twice(sums[0]).map(|rise| rise / k as f64);
+            self.rates[k - 1][1] = size;
+            rest = std::array::from_fn(|i| of[i] - sums[1][i] - size[i] * self.along[0][i]);
         }
-        let found: Both = std::array::from_fn(|i| rest[i] / s[0][i]);
+        let found: Both = std::array::from_fn(|i| rest[i] / self.first[i]);
         self.along[k] = found;
         [
             DVec2::new(found[0], found[1]),

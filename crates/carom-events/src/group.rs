@@ -54,12 +54,15 @@ impl Run<'_> {
                 wall_impulse,
             );
         }
-        let modes: Vec<_> = group.iter().map(|&i| self.events.motions[i]).collect();
+        let before_it = group.iter().map(|&i| {
+            let motion = &self.events.motions[i];
+            (motion.mode, motion.support.map(|s| s.wall))
+        });
+        let before_it: Vec<_> = before_it.collect();
         self.go_on(&group, t);
-        for (&i, motion) in group.iter().zip(modes) {
-            let carrier = motion.support.map(|s| s.wall);
+        for (&i, (mode, carrier)) in group.iter().zip(before_it) {
             if let Some(other) = self.hit(i, carrier, before) {
-                let modes = [motion.mode, self.events.motions[i].mode];
+                let modes = [mode, self.events.motions[i].mode];
                 self.note(t, Kind::Impact, i, Some(other), modes);
             }
         }
