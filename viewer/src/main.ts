@@ -21,7 +21,7 @@ export interface Hook {
   ready: Promise<void>;
   readonly frame: number;
   setTime(time: number): Promise<void>;
-  play(on?: boolean): void;
+  play(on?: boolean, speed?: number): void;
   select(body: number | string): void;
   view(preset: Preset, atOnce?: boolean): void;
   follow(on?: boolean): void;
@@ -112,7 +112,10 @@ class App {
         this.clock.seek(time);
         return new Promise((done) => this.waiting.push(done));
       },
-      play: (on = true) => this.clock.play(on),
+      play: (on = true, speed = this.clock.speed) => {
+        this.clock.speed = speed;
+        this.clock.play(on);
+      },
       select: (body) => this.select(typeof body === "string" ? this.run.names.indexOf(body) : body),
       view: (preset, atOnce) => this.view(preset, atOnce),
       follow: (on) => this.follow(on),

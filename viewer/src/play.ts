@@ -165,7 +165,7 @@ class Play {
         this.frame = frame;
         frame.classList.add("shown");
         before?.remove();
-        if (play) carom.play();
+        if (play) carom.play(true, 1); // as it is, however short
         done();
       });
       this.sheet.before(frame);

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from carom.errors import CaromError
 from carom.scene.billiards.data import Spec
-from carom.scene.billiards.shots import Shot
+from carom.scene.billiards.shots import Shot, struck
 from carom.scene.billiards.table import Table
 
 
@@ -27,8 +25,7 @@ def shots_of(result: Any) -> list[Shot]:
         raise CaromError(
             "shots: the run is not on a table of carom.billiards; its hits are in result.impacts"
         )
-    moving = np.concatenate([result.velocity[0], result.angular_velocity[0]], axis=1).any(axis=1)
-    return [table.shot(result, result.names[k]) for k in np.flatnonzero(moving)]
+    return [table.shot(result, name) for name in struck(result)]
 
 
 def table_in(scene: Any) -> Table | None:

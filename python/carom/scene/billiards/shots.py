@@ -29,7 +29,10 @@ class Hit:
 
 @dataclass(frozen=True)
 class Shot:
-    """One shot: its hits and the pocketed balls, in the order of time."""
+    """One shot: the hits of the run and the balls it pocketed, in the order of time.
+
+    Of several balls that are struck at once each has the pocketed balls that a chain of hits leads to from it.
+    """
 
     cue: str
     balls: frozenset[str]
@@ -67,6 +70,21 @@ class Shot:
         return {hit.ball: hit.other, hit.other: hit.ball}.get(ball)
 
 
+def struck(result: RunData) -> list[str]:
+    """The balls that move at the start."""
+    moving = np.concatenate([result.velocity[0], result.angular_velocity[0]], axis=1).any(axis=1)
+    return [result.names[k] for k in np.flatnonzero(moving)]
+
+
+def _causes(balls: list[str], hits: tuple[Hit, ...]) -> dict[str, set[str]]:
+    """Which of the struck balls, by a chain of hits, have moved each ball."""
+    causes = {name: {name} for name in balls}
+    for hit in hits:
+        both = causes.get(hit.ball, set()) | causes.get(hit.other, set())
+        causes |= {hit.ball: both, hit.other: both}
+    return causes
+
+
 def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest: float = SLOWEST) -> Shot:
     """The shot of a run; `Table.shot` is the way to call it."""
     if cue not in result.names:
@@ -82,4 +100,7 @@ def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest:
         key = float(time), str(a), str(b)
         found[key] = max(found.get(key, 0.0), -float(approach))
     hits = tuple(Hit(*key, speed) for key, speed in found.items())
-    return Shot(cue, frozenset(result.names), hits, tuple(pocketed))
+    names = frozenset(result.names)
+    causes = _causes([cue, *struck(result)], tuple(hit for hit in hits if hit.other in names))
+    mine = tuple(ball for ball in pocketed if cue in causes.get(ball.ball, {cue}))
+    return Shot(cue, names, hits, mine)
