@@ -13,6 +13,7 @@
 Nothing here is physics of its own: a cushion is a wall, a pocket an outlet, a strike the velocities after an impulse.
 """
 
+from carom.scene.billiards import cushions
 from carom.scene.billiards.cue import Strike, cue_impulse, strike
 from carom.scene.billiards.data import LAWS, TABLES, TIPS, Laws, Spec, Value
 from carom.scene.billiards.racks import rack_places
@@ -32,6 +33,7 @@ __all__ = [
     "Table",
     "Value",
     "cue_impulse",
+    "cushions",
     "rack_places",
     "strike",
     "table",

@@ -1,0 +1,90 @@
+"""The rails of a table beside cushion models of the literature (`billiards.cushions`)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import carom
+import numpy as np
+import pytest
+from carom import billiards
+from carom.billiards.cushions import han_2005, mathavan_2010
+
+TABLE = billiards.table("carom")
+R, NOSE = TABLE.spec.ball_radius, TABLE.spec.nose_height
+E, MU, MU_BED = (
+    getattr(billiards.LAWS, key) for key in ("cushion_restitution", "cushion_friction", "cloth_friction")
+)
+LAWS = replace(billiards.LAWS, rolling_deceleration=0.0)  # models know none
+RISE = 0.004
+"""Height of a ball above the bed, m, that the nose still presses down."""
+
+
+def by_the_rail(velocity: np.ndarray, spin: np.ndarray, above: float = 0.0) -> list[np.ndarray]:
+    """Velocity and angular velocity after the foot cushion, `above` the bed."""
+    gravity = 0.0 if above else 9.8
+    scene = TABLE.scene("a cushion", laws=LAWS, until=1e-8, step=1e-8, method="events", gravity=gravity)
+    reach = np.sqrt(R**2 - (NOSE - above - R) ** 2)
+    place = (TABLE.spec.length - reach - 1e-10, 0.5 * TABLE.spec.width, R + above)
+    TABLE.ball(scene, "cue", place, velocity=tuple(velocity), angular_velocity=tuple(spin))
+    result = carom.simulate(scene)
+    assert len(result.impacts)
+    return [np.asarray(x)[-1, 0] for x in (result.velocity, result.angular_velocity)]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_nose_alone_is_han_2005(seed: int) -> None:
+    """In the air the rail is his closed form, but for the rise that his bed takes; some of these slip, some stick."""
+    rng = np.random.default_rng(seed)
+    velocity = np.array([rng.uniform(0.5, 3), rng.uniform(-2, 2) * (seed % 3 > 0), 0.0])
+    spin = rng.uniform(-40, 40, 3) if seed % 2 else np.cross([0, 0, 1], velocity) / R
+    if seed % 3 == 0:  # hardly any slip
+        spin = np.array([0.0, -velocity[0] * (NOSE - RISE - R) / R**2 * 1.01, 0.0])
+    v, w = by_the_rail(velocity, spin, RISE)
+    expected = han_2005(velocity, spin, radius=R, nose_height=NOSE - RISE, restitution=E, friction=MU)
+    assert v[:2] == pytest.approx(expected[0][:2], abs=1e-10)
+    assert w == pytest.approx(expected[1], abs=1e-8)
+    assert expected[0][2] == 0
+
+
+def test_much_topspin_has_one_closed_form() -> None:
+    """No slip turns then: both contacts rub to the end, and e of the speed comes back in rails and in Mathavan's model."""
+    velocity, spin = np.array([2.0, 0.0, 0.0]), np.array([0.0, 4.0 / R, 0.0])
+    rise = NOSE / R - 1
+    flat = np.sqrt(1 - rise**2)
+    bed = rise - MU * flat  # impulse of the bed over that along the normal of the nose
+    impulse = (1 + E) * velocity[0] / (flat + MU * rise - MU_BED * bed)
+    turning = spin[1] - 2.5 * (MU + MU_BED * bed) * impulse / R
+    v, w = by_the_rail(velocity, spin)
+    assert (v[0], w[1]) == pytest.approx((-E * velocity[0], turning), abs=1e-5)  # the bed rubs on for 1e-8 s
+    errors = []
+    for steps in (1000, 4000, 16000):
+        given = {"radius": R, "nose_height": NOSE, "restitution": E, "friction": MU, "bed_friction": MU_BED}
+        v, w = mathavan_2010(velocity, spin, **given, steps=steps)
+        errors.append(max(abs(v[0] / (E * velocity[0]) + 1), abs(w[1] / turning - 1)))
+    assert errors[0] < 2e-3
+    assert errors[2] < errors[0] / 8  # of first order
+
+
+def test_without_friction_the_bed_gives_back_what_the_nose_presses_down() -> None:
+    """The whole speed comes back by e with the bed; Han's nose alone sends the ball up, and less of it back."""
+    given = {"radius": R, "nose_height": NOSE, "restitution": E, "friction": 0.0}
+    velocity, spin = (
+        np.array([[2.0, 0.7, 0.0], [1.0, 0.0, 0.0]]),
+        np.array([[3.0, 9.0, -20.0], [0.0, 0.0, 0.0]]),
+    )
+    v, w = mathavan_2010(velocity, spin, **given, bed_friction=0.0)
+    assert v == pytest.approx(velocity * [-E, 1, 1], rel=1e-3)
+    assert w == pytest.approx(spin)
+    alone, _ = han_2005(velocity, spin, **given)
+    cosine = 1 - (NOSE / R - 1) ** 2
+    assert alone[:, 0] == pytest.approx((1 - (1 + E) * cosine) * velocity[:, 0], rel=1e-12)
+
+
+def test_a_ball_that_leaves_is_left_alone() -> None:
+    for model, more in ((han_2005, {}), (mathavan_2010, {"bed_friction": MU_BED})):
+        v, w = model(
+            (-1.0, 0.2, 0.0), (1.0, 2.0, 3.0), radius=R, nose_height=NOSE, restitution=E, friction=MU, **more
+        )
+        assert v.tolist() == [-1.0, 0.2, 0.0]
+        assert w.tolist() == [1.0, 2.0, 3.0]
