@@ -11,6 +11,7 @@ ball that hits two touching balls in their middle must send them off alike: how 
 from __future__ import annotations
 
 import argparse
+import csv
 import os
 import statistics
 import subprocess
@@ -152,21 +153,27 @@ def main() -> None:
     )
     parser.add_argument("--breaks", type=int, default=20)
     parser.add_argument("--quick", action="store_true", help="5 breaks")
+    parser.add_argument("--csv", type=Path, help="the table to a file too, FILE-breaks.csv")
     given = parser.parse_args()
     count = 5 if given.quick else given.breaks
     print(f"{count} nine-ball breaks to rest, pocket table, one thread")
     heads = ("ms, median", "least", "most", "overlap/r", "energy up", "two at once")
     print(f"{'':>24}" + "".join(f"{head:>12}" for head in heads))
+    lines = [("program", *heads)]
     for name, radius, breaks, pair in rows(count, given.pooltool):
         ms = [1e3 * seconds for seconds, _ in breaks]
         overlaps, rises = zip(*(judged(frames, radius) for _, frames in breaks), strict=True)
         times = (statistics.median(ms), min(ms), max(ms))
         off = (max(overlaps), max(rises), np.ptp(pair) / pair.mean())
+        lines.append((name, *map(str, times + off)))
         print(
             f"{name:>24}"
             + "".join(f"{t:>12.2f}" for t in times)
             + "".join(f"{error:>12.1e}" for error in off)
         )
+    if given.csv:
+        with given.csv.with_name(f"{given.csv.stem}-breaks{given.csv.suffix}").open("w", newline="") as file:
+            csv.writer(file).writerows(lines)
     if not given.pooltool:
         print("pooltool: no environment; `make .venv/pooltool/made`, or --pooltool PYTHON")
     batch(10 * count)
