@@ -186,6 +186,18 @@ def constant(key: str, value: object) -> Callable[[Path], None]:
     return in_results(lambda file: file[key].__setitem__(0, value))
 
 
+def without(table: str, *names: str) -> Callable[[h5py.File], None]:
+    """As a Carom before these columns wrote it: not even announced."""
+
+    def alter(file: h5py.File) -> None:
+        group = file[table]
+        group.attrs["columns"] = [name for name in group.attrs["columns"] if name not in names]
+        for name in names:
+            del group[name]
+
+    return alter
+
+
 def junk(run: Path) -> None:
     data = bytearray((run / "results.h5").read_bytes())
     third = len(data) // 3
@@ -257,6 +269,33 @@ def test_what_others_made_of_a_run_is_refused_with_its_place(
         assert carom_says("check", run)[0] == 0, "it went on with damaged results"
     else:
         assert "results.h5" in told["resume"] or "run.json" in told["resume"]
+
+
+@pytest.mark.parametrize(
+    "name", ["step", "every", "gravity", "start_step", "periodic", "format", "first_rows"]
+)
+@pytest.mark.parametrize("command", ["info", "check", "plot", "view", "resume", "export"])
+def test_no_command_takes_an_attribute_of_another_type(
+    floored: Path, tmp_path: Path, name: str, command: str
+) -> None:
+    run = Path(shutil.copytree(floored, tmp_path / "run"))
+    in_results(lambda file: file.attrs.__setitem__(name, "down"))(run)
+    more = {"resume": ("--until", "0.03"), "export": ("--format", "csv")}.get(command, ())
+    done = CliRunner().invoke(app, [command, str(run), *more])
+    assert done.exit_code == 2, done.output
+    assert "results.h5" in done.stderr
+    assert "take a copy, or run again" in done.stderr
+
+
+def test_results_before_a_column_are_shown_and_not_judged_or_continued(floored: Path, tmp_path: Path) -> None:
+    run = Path(shutil.copytree(floored, tmp_path / "run"))
+    in_results(without("steps", "handovers", "stepped"))(run)
+    assert carom_says("info", run)[0] == 0
+    for command in (("check",), ("resume", "--until", "0.03")):
+        code, told = carom_says(command[0], run, *command[1:])
+        assert code == 2, told
+        assert "/steps has no column handovers, stepped: an older Carom wrote this run" in told
+        assert "damaged" not in told
 
 
 def test_a_step_beyond_all_floats_is_a_false_claim(floored: Path, tmp_path: Path) -> None:

@@ -343,7 +343,9 @@ def read(path: str | Path) -> Run:
     """Open a run directory, also one that did not reach its end."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnfinishedRun)
-        return Run(load(path))
+        result = load(path)
+    result._segments.of_this_layout()
+    return Run(result)
 
 
 def _walls(model: dict[str, Any]) -> list[Surface]:

@@ -74,8 +74,8 @@ NEEDED = ("step", "every", "gravity")
 #: Columns of bodies that are above 0.
 POSITIVE = ("radius", "mass", "inertia")
 
-#: Columns of static tables that a file may be without.
-OPTIONAL = {"motion"}
+#: Columns that a file may be without.
+OPTIONAL = {"motion", "joint_impulse", "walls", "present"}
 
 #: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.
 AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2}

@@ -71,6 +71,11 @@ def open_results(path: Path) -> h5py.File:
         raise CaromError(
             f"{path} has no whole {' and '.join(lost) or 'tables'}; restore the file, or run the scenario again"
         )
+    try:
+        attributes_of(file)
+    except CaromError:
+        file.close()
+        raise
     return file
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
@@ -173,13 +174,7 @@ class Segments:
 
     def columns(self, table: str) -> list[str]:
         """Names of the columns of a table; none of one that the run has not."""
-        group = table_of(self._files[0], table)
-        if group is None:
-            return []
-        try:
-            return [_text(name) for name in group.attrs["columns"]]
-        except DAMAGED as error:
-            raise damaged(self._files[0], f"/{table}: its list of columns", error) from error
+        return _listed(self._files[0], table)
 
     def column(self, table: str, name: str) -> Column:
         """One column over all segments."""
@@ -205,17 +200,27 @@ class Segments:
         if group is None:
             return {"name": np.zeros(0, dtype=object)}
         columns = {name: static_of(self._files[0], f"{table}/{name}", name in TEXTS) for name in group}
-        needed = {key.removeprefix(f"{table}/") for key in MEANINGS if key.startswith(f"{table}/")} - OPTIONAL
-        if needed - columns.keys() or len({len(values) for values in columns.values()}) > 1:
+        if _known(table) - columns.keys() or len({len(values) for values in columns.values()}) > 1:
             raise damaged(self._files[0], f"/{table}", "its columns differ in length, or one is missing")
         for name in POSITIVE:
             if table == "bodies" and not np.all(np.isfinite(columns[name]) & (columns[name] > 0)):
                 raise damaged(self._files[0], f"/{table}/{name}", "not all are above 0")
         return columns
 
+    def of_this_layout(self) -> None:
+        """Raise if a segment was written before one of the columns there was: its own list has not got it."""
+        for file in self._files:
+            for table in tables(file):
+                lost = sorted(_known(table) - set(_listed(file, table)))
+                if lost:
+                    raise CaromError(
+                        f"{file.filename}: /{table} has no column {', '.join(lost)}: an older Carom wrote this run;"
+                        " take that one, or run the scenario again"
+                    )
+
     def verify(self) -> None:
         """Raise if a part that counts cannot be read; where the values lie is looked at, the values are not."""
-        _ = self.attributes
+        self.of_this_layout()
         for table in STATIC:
             self.static(table)
         for table in tables(self._files[0]):
@@ -237,6 +242,22 @@ class Segments:
         }
         for file in self._files:
             file.close()
+
+
+def _known(table: str) -> set[str]:
+    """The columns that a file of this layout has of a table."""
+    return {key.removeprefix(f"{table}/") for key in MEANINGS if key.startswith(f"{table}/")} - OPTIONAL
+
+
+def _listed(file: h5py.File, table: str) -> list[str]:
+    """The columns that a file says a table has; none of one that it has not."""
+    group = table_of(file, table)
+    if group is None:
+        return []
+    try:
+        return [_text(name) for name in group.attrs["columns"]]
+    except DAMAGED as error:
+        raise damaged(file, f"/{table}: its list of columns", error) from error
 
 
 def _text(value: Any) -> str:
