@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import carom
 import numpy as np
@@ -217,10 +218,20 @@ def test_the_server_answers_and_refuses_in_words() -> None:
             ("elsewhere", {}, 404, "no such request"),
             ("elsewhere", None, 404, "no such page"),
             ("aim", b" " * (MOST_BYTES + 1), 413, "at most"),
+            ("aim", b'{"speed": ' + b"9" * 400 + b"}", 400, "a finite number"),
+            ("place", b'{"ball": "cue", "y": 0.3, "x": ' + b"9" * 400 + b"}", 400, "two finite numbers"),
         ):
             code, answer = ask(what, given)
             assert code == expected, what
             assert told in answer["error"]
+
+
+def test_a_length_beyond_all_integers_is_refused() -> None:
+    with Server(two_balls(), port=0) as server:
+        address = urlsplit(server.url)
+        ask = http.client.HTTPConnection(address.netloc, timeout=20)
+        ask.request("POST", f"{address.path}aim", headers={"Content-Length": "9" * 5000})
+        assert ask.getresponse().status == 413
 
 
 def test_lines_of_aim_come_as_fast_as_a_screen_draws() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -247,4 +248,6 @@ def _with_balls(scene: Scene, balls: list[Sphere]) -> Scene:
 
 
 def _finite(value: Any) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)
+    return (
+        isinstance(value, int | float) and abs(value) <= sys.float_info.max
+    )  # not so: NaN, integers without a float

@@ -161,7 +161,7 @@ class Server:
                 if (path := self._admitted()) is None:
                     return
                 size = self.headers.get("Content-Length", "")
-                if not size.isdecimal() or int(size) > MOST_BYTES:
+                if not size.isdecimal() or len(size) > len(str(MOST_BYTES)) or int(size) > MOST_BYTES:
                     self.close_connection = True
                     self._json(413, {"error": f"a request has at most {MOST_BYTES} bytes, and says how many"})
                     return
