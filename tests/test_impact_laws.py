@@ -410,3 +410,32 @@ def test_the_auditor_misses_an_expansion_that_was_left_out(tmp_path: Path) -> No
     assert check(tmp_path / "run").ok
     law_of_the_floor("restitution", 0.8)(tmp_path / "run")
     assert check(tmp_path / "run")["impact"].word == "violated"
+
+
+def rolling_heap() -> carom.Scene:
+    scene = heap()
+    for law in scene.contacts:
+        law.rolling_radius = 1e-4
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("scene", "until", "told"),
+    [
+        (heap, 1e-4, ""),
+        (rolling_heap, 1e-4, "groups with rolling or spinning bounds"),
+        (lambda: chain(62, speed=1.0), 1e-4, "groups of more than 60 contacts"),
+        (lambda: cradle(3, angle=1.0, length=0.2, restitution=1.0), 0.3, "groups with joints or dampers"),
+    ],
+)
+def test_the_auditor_tells_which_expansions_it_does_not_judge(
+    scene: Callable[[], carom.Scene], until: float, told: str, tmp_path: Path
+) -> None:
+    simulated(
+        scene(), impact="poisson", step=1e-4, until=until, impacts="every", out=tmp_path / "run"
+    ).close()
+    report = check(tmp_path / "run")
+    for kind in ("impact", "slip"):
+        reasons = [left.why for left in report[kind].unjudged if "expands" in left.why]
+        assert len(reasons) == bool(told)
+        assert all(told in reason for reason in reasons)

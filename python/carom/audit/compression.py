@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Array, Bool
 from carom.audit.data import Run
 from carom.audit.hits import Hits
 
@@ -35,6 +35,8 @@ class Compression(NamedTuple):
     """(K,) largest change of an impulse over that of the residual."""
     first: I64
     """(K,) number of the first row of its contact in the step."""
+    unknown: Array
+    """(K,) why nothing is known, in words; "" where it is, or where nothing was compressed."""
 
 
 def of_rows(
@@ -46,19 +48,28 @@ def of_rows(
     turns = run.coefficient("rolling_radius", index) + run.coefficient("spinning_radius", index) > 0.0
     approach, slip = motion
     normal, sliding, gain = (np.full(shape, np.nan) for shape in (len(r), (len(r), 3), len(r)))
+    unknown = np.full(len(r), "", dtype=object)
     for g in np.unique(group[r.problem > 0]):
         rows = first[group[first] == g]
-        if len(rows) > MOST or (held | turns)[rows].any():
+        causes = (
+            (len(rows) > MOST, f"groups of more than {MOST} contacts"),
+            (turns[rows].any(), "groups with rolling or spinning bounds"),
+            (held[rows].any(), "groups with joints or dampers"),
+        )
+        unknown[rows] = next((cause for so, cause in causes if so), "")
+        if unknown[rows[0]]:
             continue
         ways, gradient, inverse = _rows(run, r.of(rows), lever[rows])
         across = ways[:, 1:]
         z = np.column_stack([approach[rows], np.einsum("ktx,kx->kt", across, slip[rows])])
         solved = solve((gradient * inverse) @ gradient.T, z.ravel(), mu[rows])
-        if solved is not None:
+        if solved is None:
+            unknown[rows] = "groups whose impulses of compression are not unique, or were not found"
+        else:
             normal[rows], gain[rows] = solved[0][:, 0], solved[1]
             sliding[rows] = np.einsum("kt,ktx->kx", solved[0][:, 1:], across)
     each = first[contact]
-    return Compression(normal[each], sliding[each], gain[each], each)
+    return Compression(normal[each], sliding[each], gain[each], each, unknown[each])
 
 
 def _rows(run: Run, r: Hits, lever: F64) -> tuple[F64, F64, F64]:

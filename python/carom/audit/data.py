@@ -20,6 +20,7 @@ from carom.audit.formula import law
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
+from carom.result.record import Segments
 from carom.result.record.walls import tables
 from carom.run.result import Result, UnfinishedRun, load
 from carom.scene.assembly.held_apart import HeldApart, held_apart
@@ -344,6 +345,7 @@ def read(path: str | Path) -> Run:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnfinishedRun)
         result = load(path)
+    assert isinstance(result._segments, Segments)  # of files
     result._segments.of_this_layout()
     return Run(result)
 

@@ -58,7 +58,8 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     end = either[r.k]
     if end.any():
         end = end & (pairs(block, r, group) > block.least)
-    found = Replay(block, r, kept, end).run_all()
+    replay = Replay(block, r, kept, end)
+    found = replay.run_all()
     doubt = np.zeros(block.count, dtype=bool)
     for told in found.values():
         doubt[r.k[told.rows[~(told.value <= told.bound)]]] = True
@@ -69,6 +70,12 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     if block.run.impact_law.restitution == "energetic":
         why = "no contact problem stands for an impact through springs"
         tally.skip("impact", why, "another impact law", int((r.problem == 1).sum()))
+    if replay.pressed is not None:
+        causes, counts = np.unique(replay.pressed.unknown[r.problem > 1].astype(str), return_counts=True)
+        for cause, count in zip(causes, counts, strict=True):
+            for kind in ("impact", "slip") if cause else ():
+                why = f"how far Poisson's law expands {cause} is not computed"
+                tally.skip(kind, why, "fewer bodies at once, or another impact law", int(count))
     for kind, told in found.items():
         if kind in other:
             told = _better(told, other[kind], again)
