@@ -248,6 +248,5 @@ def _with_balls(scene: Scene, balls: list[Sphere]) -> Scene:
 
 
 def _finite(value: Any) -> bool:
-    return (
-        isinstance(value, int | float) and abs(value) <= sys.float_info.max
-    )  # not so: NaN, integers without a float
+    """False also for NaN and for integers beyond all floats."""
+    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
