@@ -147,7 +147,7 @@ MISTAKES = {
     "word for a flag": (
         "format = 1\n",
         'format = 1\nrecord.impacts = "all"\n',
-        'record.impacts: expected true, false or "every", found "all"',
+        'record.impacts: expected true, false, "every" or "history", found "all"',
     ),
     "no mass": ("mass = 0.17\nposition = [0.0", "position = [0.0", 'sphere "cue": neither mass nor density'),
     "two masses": (

@@ -166,7 +166,8 @@ class Simulation:
 
     Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`. With
     `"drop_impacts": True` the table of impacts stays empty, with `"every_impact": True` piles have a row in it for each
-    impact problem and contact, not for each step and contact alone.
+    impact problem and contact, not for each step and contact alone. With `"courses": True` blocks have a table
+    `impulses`: how the impulse of each contact grows within an impact.
     """
 
     def __new__(cls, model: dict[str, Any]) -> Simulation: ...

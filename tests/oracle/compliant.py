@@ -17,8 +17,12 @@ SWEEPS, SETTLED = 100, 1e-13
 def spring_impulses(island: Island) -> F64:
     """Impulses (m,) from the velocities before the step; of contacts, which joints answer."""
     lay, gradient, gaps = island.layout, island.gradient, island.model.options.impact == "compliant"
-    response = (gradient / lay.mass).T
-    inverse = np.einsum("ij,ji->i", gradient, response)
+    # of joints, which keep what they do, only what they leave is there
+    held = gradient[lay.joint_rows]
+    coupling = gradient @ (gradient / lay.mass).T
+    across = coupling[:, lay.joint_rows]
+    coupling -= across @ np.linalg.pinv((held / lay.mass) @ held.T, rcond=1e-12, hermitian=True) @ across.T
+    inverse = np.diag(coupling)
     start = list(lay.start)
     radii = island.model.radius
     restitution = [1.0] * len(start)
@@ -28,10 +32,14 @@ def spring_impulses(island: Island) -> F64:
         for e in island.elements
     ]
     p = island.model.options.impact_exponent
+    # the largest inverse mass of each contact's friction: no less, or sweeps swing
+    steep = [
+        float(np.linalg.eigvalsh(coupling[n + 1 : n + 3, n + 1 : n + 3])[-1]) if e.slides else 0.0
+        for e, n in zip(island.elements, start, strict=True)
+    ]
     z, impulses = gradient @ island.u_n, np.zeros(lay.rows)
     z[lay.joint_rows] = 0.0
     depth = [0.0] * len(start)
-    coupling = gradient @ response
     least = CLOSING * max(0.0, *(-z[n] for n in start))
 
     def drift(dt: float) -> None:
@@ -57,17 +65,13 @@ def spring_impulses(island: Island) -> F64:
         most = float(np.max(given))
         for _ in range(SWEEPS):
             change = 0.0
-            for j in range(lay.joint_rows.start, lay.joint_rows.stop):
-                answer = -z[j] / inverse[j]
-                z[:] += coupling[:, j] * answer
-                change = max(change, abs(answer))
             for i, n in enumerate(start):
                 e = island.elements[i]
                 bound = e.discs[0].bound if e.slides else 0.0
-                if bound * given[n] <= 0.0:
+                if bound * given[n] <= 0.0 or steep[i] <= 1e-12 * inverse[n]:
                     continue
                 rows = slice(n + 1, n + 3)
-                wanted = given[rows] - z[rows] / inverse[rows]
+                wanted = given[rows] - z[rows] / steep[i]
                 wanted *= min(1.0, bound * given[n] / max(float(np.hypot(*wanted)), 1e-300))
                 step = wanted - given[rows]
                 given[rows] = wanted

@@ -83,6 +83,8 @@ pub struct Model {
     pub record_walls: bool,
     pub drop_impacts: bool,
     pub every_impact: bool,
+    /// Keep impulses within impacts through springs over their time.
+    pub courses: bool,
     /// Spheres meet by their nearest images; positions are never wrapped.
     pub periodic: Periodic,
     pub flow: Flow,

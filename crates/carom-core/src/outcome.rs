@@ -1,6 +1,7 @@
 //! What can go wrong, and what a step tells beside its state: refusals of a model, failures of a step, records of impacts.
 
 use glam::DVec3;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// A number of the model is unusable.
@@ -224,8 +225,11 @@ impl History {
     }
 }
 
+/// Normal impulses of a contact within an impact problem that takes a time: shares of that time (1), from 0 to 1, and impulses so far, N s.
+pub type ImpulseCurve = Arc<[[f64; 2]]>;
+
 /// One contact's share in one impact problem.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ImpactRecord {
     pub problem: u32,
     pub a: u32,
@@ -239,4 +243,6 @@ pub struct ImpactRecord {
     pub approach: f64,
     pub separation: f64,
     pub restitution_scale: f64,
+    /// Kept on demand, by laws through springs.
+    pub course: Option<ImpulseCurve>,
 }

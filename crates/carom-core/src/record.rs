@@ -28,7 +28,7 @@ pub struct ContactRecord {
 }
 
 /// An impact with its time.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct TimedImpact {
     pub step: u64,
     pub time: f64,
@@ -115,8 +115,9 @@ impl Recorder {
         } else {
             &scratch.impacts[..]
         };
-        for (k, &impact) in impacts.iter().enumerate() {
+        for (k, impact) in impacts.iter().enumerate() {
             let time = scratch.impact_times.get(k).copied().unwrap_or(time);
+            let impact = impact.clone();
             self.block.impacts.push(TimedImpact { step, time, impact });
         }
         self.block.transitions.extend(&scratch.transitions);

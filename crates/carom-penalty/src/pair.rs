@@ -199,6 +199,7 @@ impl Pair {
             approach: -self.touch.approach,
             separation: -self.closing_speed(bodies),
             restitution_scale: 1.0,
+            course: None,
         };
         self.end_sums();
         // Small hops of a ball at rest under its weight are no collisions either.

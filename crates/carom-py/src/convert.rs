@@ -93,6 +93,7 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         record_walls: walls::wish(dict, "record_walls")?,
         drop_impacts: walls::wish(dict, "drop_impacts")?,
         every_impact: walls::wish(dict, "every_impact")?,
+        courses: walls::wish(dict, "courses")?,
         periodic: flow::lengths(dict, "periodic")?,
         periodic_origin: flow::lengths(dict, "periodic_origin")?,
         inflow: flow::inflows(dict)?,

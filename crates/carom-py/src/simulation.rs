@@ -8,7 +8,7 @@ use crate::state::{
     monitor_arrays, monitors_from, open_values, put_keys, put_kinematics, put_pairs, read_open,
     read_pairs, read_state, touch_values, warm_values,
 };
-use crate::tables::{outcome_dict, put_block, put_transitions};
+use crate::tables::{outcome_dict, put_block, put_impulses, put_transitions};
 use crate::ModelError;
 use carom_core::options::Method;
 use carom_core::problem::Steps;
@@ -108,6 +108,9 @@ impl Simulation {
         }
         if model.options.method == Method::Events {
             put_transitions(&out, &block.transitions)?;
+        }
+        if model.courses {
+            put_impulses(&out, &block.impacts)?;
         }
         put_block(&out, block, model.spheres(), joints, walls)?;
         match outcome {

@@ -7,6 +7,7 @@ use carom_core::transition::Transition;
 use carom_core::{Outcome, StepReport};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::collections::BTreeMap;
 
 pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
@@ -126,6 +127,45 @@ fn put_impacts(out: &Bound<'_, PyDict>, records: &[TimedImpact]) -> PyResult<()>
     table.column("approach", |r| r.impact.approach)?;
     table.column("separation", |r| r.impact.separation)?;
     table.column("restitution_scale", |r| r.impact.restitution_scale)
+}
+
+/// The table of impulses within impacts: points of each contact, `at` the problems of its step so far, with the share of the one at hand;
+/// impulses along the normal since the first problem. What gives impulses at once has the begin and the end of its problem.
+pub fn put_impulses(out: &Bound<'_, PyDict>, records: &[TimedImpact]) -> PyResult<()> {
+    struct Point(u64, f64, [u32; 2], f64, f64);
+    let (mut points, mut now, mut sums) = (Vec::new(), (0, 0.0), BTreeMap::new());
+    for r in records {
+        let (i, end) = (&r.impact, f64::from(r.impact.problem));
+        if i.problem == 0 {
+            continue;
+        }
+        if now != (r.step, r.time) {
+            sums.clear();
+            now = (r.step, r.time);
+        }
+        let pair = [i.a, i.b];
+        let (last, sum) = sums.entry(pair).or_insert((-1.0, 0.0));
+        let within = i.course.as_deref().unwrap_or(&[[0.0, 0.0]]);
+        let within = within
+            .iter()
+            .map(|[share, p]| (end - 1.0 + share, *sum + p));
+        let within = within.filter(|(at, _)| *last < *at && *at < end);
+        points.extend(within.map(|(at, p)| Point(r.step, r.time, pair, at, p)));
+        *sum += i.normal.dot(i.impulse);
+        *last = end;
+        points.push(Point(r.step, r.time, pair, end, *sum));
+    }
+    let dict = PyDict::new(out.py());
+    let table = Table {
+        out: &dict,
+        records: &points,
+    };
+    table.column("step", |p| p.0)?;
+    table.column("time", |p| p.1)?;
+    table.rows("body", |p| p.2.map(i64::from))?;
+    table.column("at", |p| p.3)?;
+    table.column("impulse", |p| p.4)?;
+    out.set_item("impulses", dict)
 }
 
 fn put_residuals(out: &Bound<'_, PyDict>, records: &[ResidualRecord]) -> PyResult<()> {

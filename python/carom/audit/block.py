@@ -230,7 +230,7 @@ class Block:
         """(B,) intervals in which rows of impacts may be sums over the problems of a step: those of piles, unless every
         problem was recorded.
         """
-        return self.cascaded & (self.run.record.impacts != "every")
+        return self.cascaded & (not isinstance(self.run.record.impacts, str))
 
     @property
     def least(self) -> float:

@@ -65,17 +65,19 @@ def _frames(run: Run, tally: Tally) -> None:
 def _rows(run: Run, tally: Tally) -> None:
     """Contacts and impacts are of a ball and of a ball or wall of a higher number, impacts and events of steps in order."""
     segments, last = run.result._segments, len(run.steps["step"])
-    for table in ("contacts", "impacts"):
+    for table in ("contacts", "impacts", *(["impulses"] if len(run.result.impulses) else [])):
         body = segments.column(table, "body")
         for first in range(0, len(body), ROWS):
             a, b = _whole(body[first : first + ROWS]).reshape(-1, 2).T
             wrong = (a < 0) | (a >= run.bodies) | (b <= a) | (b >= len(run.names))
             _count(tally, wrong, f"/{table}/body")
-            status = _whole(segments.column(table, "status")[first : first + ROWS])
-            _count(tally, (status < 0) | (status > 2), f"/{table}/status")
+            if table != "impulses":
+                status = _whole(segments.column(table, "status")[first : first + ROWS])
+                _count(tally, (status < 0) | (status > 2), f"/{table}/status")
             if not wrong.any():
                 _count(tally, run.law_index(a, b) < 0, f"/{table}/body")
-    _count(tally, _disordered(_whole(run.result.impacts["step"]), 1, last), "/impacts/step")
+    for rows in (run.result.impacts, run.result.impulses):
+        _count(tally, _disordered(_whole(rows["step"]), 1, last), f"/{rows.name}/step")
     events = run.result.events
     if len(events):
         _count(tally, _disordered(_whole(events["step"]), 0, last), "/events/step")

@@ -201,7 +201,7 @@ def _difference(original: Result, table: str, name: str, row: int, inner: int, a
         step = int(original.step[frame]) if frame < len(ends) else -1
     elif f"{table}/{name}" != "residuals/value":
         step = int(original._segments.column(table, "step")[row])
-    if table in ("contacts", "impacts"):
+    if table in ("contacts", "impacts", "impulses"):
         body = " and ".join(names[int(i)] for i in original._segments.column(table, "body")[row])
     at = np.ravel(a)[inner], np.ravel(b)[inner] if np.size(b) > inner else b
     return Difference(

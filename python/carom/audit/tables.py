@@ -64,7 +64,7 @@ def _clock(run: Run, tally: Tally) -> None:
     tally.measure("clock", backwards, 0.0, lambda i: run.frame_place(i + 1))
     late = np.maximum(0, run.step - len(number)) * h
     tally.measure("clock", late, 0.0, run.frame_place)
-    for table in (run.result.impacts, run.result.events, run.result.transitions):
+    for table in (run.result.impacts, run.result.impulses, run.result.events, run.result.transitions):
         at = np.asarray(table["step"]).astype(np.int64)
         if not at.size:
             continue

@@ -39,7 +39,7 @@ def sheets(selection: Selection) -> Iterator[Sheet]:
     yield _frames(selection)
     yield _contacts(selection)
     result = selection.result
-    for name in ("impacts", "events", "transitions", "steps"):
+    for name in ("impacts", "impulses", "events", "transitions", "steps"):
         yield _rows(selection, name, getattr(result, name))
 
 

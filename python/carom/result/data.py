@@ -29,6 +29,7 @@ from carom.result.tables import (
     Energy,
     Events,
     Impacts,
+    Impulses,
     Outcome,
     Residuals,
     Static,
@@ -239,6 +240,11 @@ class RunData(Frames):
     def impacts(self) -> Impacts:
         """One row per contact and impact problem: time, step, problem, pair, impulse, status ..."""
         return Impacts(self._segments, [*self.names, *self.wall_names])
+
+    @cached_property
+    def impulses(self) -> Impulses:
+        """How the impulses of each impact grow; none unless the run has `impacts = "history"`."""
+        return Impulses(self._segments, [*self.names, *self.wall_names])
 
     @cached_property
     def events(self) -> Events:

@@ -146,6 +146,21 @@ class Impacts(_Pairs):
     name = "impacts"
 
 
+class Impulses(_Pairs):
+    """How impulses of impacts grow, by pair: `step`, `time` (s), `at` (impact problems so far), `impulse` (N s) so far.
+
+    By laws through springs an impact has a time: `at` goes from 0 to 1 with it, from where a contact begins. Other laws
+    give impulses at once: of each impact problem begin and end.
+    """
+
+    name = "impulses"
+
+    def _derived(self) -> Mapping[str, Callable[[], Any]]:
+        if not self._segments.columns(self.name):
+            return _without_rows(self.name, "pair")
+        return super()._derived()
+
+
 class Contacts(_Pairs):
     """One row per frame and contact; `frame` and `time` say which frame, `at(frame)` gives the rows of one."""
 

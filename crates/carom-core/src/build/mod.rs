@@ -39,6 +39,8 @@ pub struct ModelInput {
     pub drop_impacts: bool,
     /// Piles too have a row of that table for each impact problem, not for each step alone.
     pub every_impact: bool,
+    /// Impacts through springs keep their impulses over their time.
+    pub courses: bool,
     /// Lengths of a periodic box, m, 0 for an axis that does not repeat, and its low corner.
     pub periodic: [f64; 3],
     pub periodic_origin: [f64; 3],

@@ -47,11 +47,6 @@ impl Model {
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         let links = compile_links(input)?;
-        if options.impact.has_springs() && !input.loads.is_empty() {
-            let name = options.impact.name();
-            let text = "which knows no loads but weight; take another law";
-            return Err(ModelError::option("impact", format!("is {name}, {text}")));
-        }
         let model = Model {
             gravity: DVec3::from(input.gravity),
             radius: input.radius.clone(),
@@ -62,6 +57,7 @@ impl Model {
             material: input.material.clone(),
             drop_impacts: input.drop_impacts,
             every_impact: input.every_impact && !input.drop_impacts,
+            courses: input.courses && !input.drop_impacts,
             record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
             walls,
             periodic,

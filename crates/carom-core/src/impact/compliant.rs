@@ -10,13 +10,16 @@
 //! By `compliant` d may be a gap, of the size of the compressions. By `binary` it is never below 0, and what has opened may close again at once: the
 //! law of Liu, Zhao and Brogliato (Proc. R. Soc. A 464, 3193, 2008). They take an impulse as the time, `dP_j/dP_i = F_j/F_i`; `dP = F dt` is the same
 //! system, and regular where an impact begins. Half a drift, a kick, half a drift; friction of a kick is implicit, so that what sticks stays.
+//! Joints keep what they do before the impact: they are eliminated, and inverse masses are those that they leave.
 
+use super::course::Courses;
 use super::law::Law;
+use super::reduced::Reduced;
 use super::sequence::{loads, loads_first, solve_problem, ImpactIsland, Start};
 use crate::contact::Contact;
 use crate::model::{ContactLaw, Model};
 use crate::options::{Impact, Options};
-use carom_solve::rows::{RowContact, RowSystem, NODE_DOF};
+use carom_solve::rows::{RowSystem, NODE_DOF};
 
 /// Steps for each unit `(m/k)^(2/5) v^(-1/5)` of time, of which a free collision takes 3.2. The error goes with its square: at 500 the last of ten
 /// balls is right to 1e-6.
@@ -30,8 +33,6 @@ const CLOSING: f64 = 1e-8;
 const SWEEPS: usize = 100;
 const SETTLED: f64 = 1e-13;
 const UNSETTLED: f64 = 1e-6;
-/// Rounding of what joints answer over the momentum of the impact (1): they answer kicks of any size.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Loads, then the impact as a whole, then what the loads have closed meanwhile.
 #[must_use]
@@ -77,12 +78,18 @@ pub fn spring<'a>(model: &'a Model, c: &Contact) -> ContactSpring<'a> {
     }
 }
 
-/// Impulses of an impact, per row: `system` has the measures before it, of contacts and then of joints, `springs` what [`spring`] says. Nothing: it did not end.
-pub fn impulses(system: &RowSystem, springs: &[ContactSpring], o: &Options) -> Option<Vec<f64>> {
-    let (contacts, joints) = system.contacts.split_at(springs.len());
+/// Impulses of an impact, per row of contacts: `system` has the measures before it, of contacts and then of joints, `springs` what [`spring`] says.
+/// Nothing: it did not end. What joints answer is left to the caller.
+pub fn impulses(
+    system: &RowSystem,
+    springs: &[ContactSpring],
+    o: &Options,
+    courses: &mut Courses,
+) -> Option<Vec<f64>> {
+    let contacts = &system.contacts[..springs.len()];
     let mut at = Springs {
         system,
-        joints,
+        reduced: Reduced::new(system, springs.len()),
         springs,
         keeps_gaps: o.impact == Impact::Compliant,
         exponent: o.impact_exponent,
@@ -91,17 +98,9 @@ pub fn impulses(system: &RowSystem, springs: &[ContactSpring], o: &Options) -> O
         depth: vec![0.0; contacts.len()],
         restitution: vec![1.0; contacts.len()],
         given: vec![[0.0; 3]; contacts.len()],
-        rounding: 0.0,
     };
     let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -system.z0[c.row as usize]));
     let least = CLOSING * speed;
-    for c in joints {
-        let lightest = system.diag[c.rows()]
-            .iter()
-            .copied()
-            .fold(f64::INFINITY, f64::min);
-        at.rounding = at.rounding.max(ROUNDING * speed / lightest);
-    }
     for _ in 0..MOST_STEPS {
         let unit = (0..contacts.len()).filter_map(|i| at.unit(i, least));
         let dt = unit.fold(f64::INFINITY, f64::min) / RESOLUTION;
@@ -119,13 +118,14 @@ pub fn impulses(system: &RowSystem, springs: &[ContactSpring], o: &Options) -> O
             return None;
         }
         at.drift(0.5 * dt);
+        courses.add(dt, contacts.iter().map(|c| at.lambda[c.row as usize]));
     }
     None
 }
 
 struct Springs<'a> {
     system: &'a RowSystem,
-    joints: &'a [RowContact],
+    reduced: Reduced,
     springs: &'a [ContactSpring<'a>],
     keeps_gaps: bool,
     exponent: f64,
@@ -136,8 +136,6 @@ struct Springs<'a> {
     restitution: Vec<f64>,
     /// Impulses of the kick at hand.
     given: Vec<[f64; 3]>,
-    /// Impulse that is none, where there are joints.
-    rounding: f64,
 }
 
 impl Springs<'_> {
@@ -151,7 +149,7 @@ impl Springs<'_> {
     fn unit(&self, i: usize, least: f64) -> Option<f64> {
         let (v, d, inverse) = (self.measure(i, 0), self.depth[i], self.inverse(i));
         let squared = v * v + self.squared(i);
-        let moves = squared > least * least && (d > 0.0 || v < 0.0);
+        let moves = squared > least * least && (d > 0.0 || v < 0.0) && inverse > 0.0;
         let n = self.exponent + 1.0;
         moves.then(|| inverse.powf(-1.0 / n) * squared.powf((2.0 - n) / (2.0 * n)))
     }
@@ -167,7 +165,7 @@ impl Springs<'_> {
 
     /// Inverse mass times stiffness.
     fn inverse(&self, i: usize) -> f64 {
-        self.system.diag[self.system.contacts[i].row as usize] * self.springs[i].stiffness
+        self.reduced.inverse[self.system.contacts[i].row as usize] * self.springs[i].stiffness
     }
 
     /// Square of the speed that the work of compression makes.
@@ -202,7 +200,7 @@ impl Springs<'_> {
         let row = c.row as usize + r;
         self.lambda[row] += impulse;
         self.given[i][r] += impulse;
-        self.system.push_row(c, row, impulse, &mut self.u);
+        self.reduced.push(self.system, c, row, impulse, &mut self.u);
     }
 
     /// Whether its friction has settled.
@@ -219,27 +217,12 @@ impl Springs<'_> {
         }
         let mut change = 0.0;
         for _ in 0..SWEEPS {
-            change = (0..self.depth.len()).fold(self.hold(), |most, i| f64::max(most, self.rub(i)));
-            if change <= SETTLED * most + self.rounding {
+            change = (0..self.depth.len()).fold(0.0, |most, i| f64::max(most, self.rub(i)));
+            if change <= SETTLED * most {
                 return true;
             }
         }
-        change <= UNSETTLED * most + self.rounding
-    }
-
-    /// What joints answer to the kick at hand, all else given; the largest change.
-    fn hold(&mut self) -> f64 {
-        let (joints, mut most) = (self.joints, 0.0);
-        for c in joints {
-            for row in c.rows() {
-                let rate = self.system.z0[row] + self.system.row_velocity(c, row, &self.u);
-                let impulse = -rate / self.system.diag[row];
-                self.lambda[row] += impulse;
-                self.system.push_row(c, row, impulse, &mut self.u);
-                most = f64::max(most, impulse.abs());
-            }
-        }
-        most
+        change <= UNSETTLED * most
     }
 
     /// Friction of a contact in the kick at hand, all others given; its change.
@@ -249,8 +232,11 @@ impl Springs<'_> {
         if most <= 0.0 {
             return 0.0;
         }
-        let wanted = [(1, x), (2, y)]
-            .map(|(r, had)| had - self.measure(i, r) / self.system.diag[c.row as usize + r]);
+        let inverse = &self.reduced.inverse[c.rows()];
+        if inverse[1] <= 0.0 {
+            return 0.0;
+        }
+        let wanted = [(1, x), (2, y)].map(|(r, had)| had - self.measure(i, r) / inverse[r]);
         let size = wanted[0].hypot(wanted[1]);
         let scale = if size > most { most / size } else { 1.0 };
         let change = [scale * wanted[0] - x, scale * wanted[1] - y];

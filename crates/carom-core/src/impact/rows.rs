@@ -162,7 +162,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
         }
         let (model, scratch) = (self.model, &mut *self.scratch);
         if law == Law::Springs {
-            return self.work.press(model, scratch.contacts);
+            return self.work.press(model, scratch, self.report);
         }
         (self.work).solve_chosen(model, scratch, law, problem, warm.as_deref(), self.report)
     }

@@ -3,9 +3,13 @@
 //! The simultaneous problem that ends a sequence has the number behind the bound of the sequence: its law has no restitution, and the
 //! number tells it.
 
-use crate::outcome::ImpactRecord;
+use crate::outcome::{ImpactRecord, ImpulseCurve};
 use carom_solve::Status;
 use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// The problem that springs take the place of.
+pub const SPRINGS: u32 = 1;
 
 /// What one problem gave a contact.
 #[derive(Clone, Copy, Debug)]
@@ -26,12 +30,15 @@ pub struct ImpactTable {
     pub wanted: bool,
     rows: Vec<ImpactRow>,
     has_impact: bool,
+    /// Of the impact through springs, by slot; empty unless asked for.
+    pub courses: BTreeMap<u32, ImpulseCurve>,
 }
 
 impl ImpactTable {
     pub fn begin(&mut self, wanted: bool) {
         self.wanted = wanted;
         self.rows.clear();
+        self.courses.clear();
         self.has_impact = false;
     }
 
@@ -86,6 +93,10 @@ impl ImpactTable {
                 approach: row.speed[0],
                 separation: row.speed[1],
                 restitution_scale: row.scale,
+                course: match row.problem {
+                    SPRINGS => self.courses.get(&row.slot).cloned(),
+                    _ => None,
+                },
             }
         }));
     }

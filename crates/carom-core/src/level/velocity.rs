@@ -144,6 +144,7 @@ fn solve_single<const MOVING: bool>(
             approach: check.normal,
             separation: c.n1.dot(motion[0] + jump[0]) - wall.normal,
             restitution_scale: scale,
+            course: None,
         });
     }
     let target = &mut scratch.contacts[m as usize];

@@ -144,6 +144,7 @@ impl Found {
                     approach: free,
                     separation: free + by_loads,
                     restitution_scale: 1.0,
+                    course: None,
                 });
             }
         } else {
@@ -181,6 +182,7 @@ impl Found {
             approach: m.approach,
             separation: memory.normal_speed(m),
             restitution_scale: m.scale,
+            course: None,
         });
     }
 }

@@ -5,6 +5,7 @@ use super::problem_data::{self, Stated};
 use super::{chunks, roll};
 use crate::contact::Contact;
 use crate::impact::compliant::{impulses, spring};
+use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
 use crate::model::Model;
 use crate::pile::limits::{budget, finer, tolerance, worst, PATIENCE};
@@ -111,9 +112,14 @@ impl Pile {
         let stated: Vec<Stated> = stated.collect();
         let (rows, framed, _) = problem_data::rows(model, contacts, bodies, &stated);
         let springs: Vec<_> = framed.iter().map(|c| spring(model, c)).collect();
-        let Some(lambda) = impulses(&rows, &springs, &model.options) else {
+        let mut courses = Courses::new(model.courses);
+        let Some(lambda) = impulses(&rows, &springs, &model.options, &mut courses) else {
             return false;
         };
+        let courses = courses.of_contacts();
+        let memory = &mut self.velocity;
+        let of_slots = courses.map(|(at, course)| (memory.chosen[at], course));
+        memory.table.courses.extend(of_slots);
         let (mut force, mut u) = (vec![0.0; 6 * bodies.len()], vec![0.0; 6 * bodies.len()]);
         rows.impulses(&lambda, &mut force);
         rows.apply_inverse_mass(&force, &mut u);

@@ -15,8 +15,8 @@ FORMAT = 1
 #: Groups of a file, in the order of the columns of `/commit`.
 TABLES = ("frames", "contacts", "steps", "impacts", "residuals")
 
-#: Groups that only some runs have: whose balls come and go, whose method has events.
-SOMETIMES = ("events", "transitions")
+#: Groups that only some runs have: whose balls come and go, whose method has events, that keep the history of impacts.
+SOMETIMES = ("events", "transitions", "impulses")
 
 #: The column of a flat table that holds running ends into another one; they are made global on writing.
 ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
@@ -42,6 +42,7 @@ class Rows(NamedTuple):
     values: int = 0
     events: int = 0
     transitions: int = 0
+    impulses: int = 0
 
     def __add__(self, other: object) -> Rows:  # element by element, not concatenation
         if not isinstance(other, tuple) or len(other) != len(self):
@@ -239,6 +240,14 @@ MEANINGS: dict[str, Meaning] = {
     ),
     "transitions/position": Meaning("m", "(row, xyz) centre of the ball then"),
     "transitions/velocity": Meaning("m/s", "(row, xyz) its velocity afterwards"),
+    "impulses/step": Meaning("1", "step of the impact"),
+    "impulses/time": Meaning("s", "time at the end of that step"),
+    "impulses/body": Meaning("1", "(row, A and B) body indices as in /impacts"),
+    "impulses/at": Meaning(
+        "1",
+        "impact problems of the step so far; within one through springs, with the share of its time",
+    ),
+    "impulses/impulse": Meaning("N s", "normal impulse of the pair so far, since the first impact problem"),
     "bodies/name": Meaning("1", "names"),
     "bodies/radius": Meaning("m", "radii"),
     "bodies/mass": Meaning("kg", "masses"),

@@ -118,8 +118,10 @@ def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
     found: dict[str, Any] = {"record_walls": True} if tree.record.walls else {}
     if not tree.record.impacts:
         found["drop_impacts"] = True
-    if tree.record.impacts == "every":
+    if isinstance(tree.record.impacts, str):
         found["every_impact"] = True
+    if tree.record.impacts == "history":
+        found["courses"] = True
     if tree.world.periodic is not None and any(tree.world.periodic):
         found["periodic"] = np.array(tree.world.periodic)
         found["periodic_origin"] = np.array(tree.world.origin)

@@ -195,22 +195,23 @@ class Flag(Checked):
 
 @dataclass(frozen=True)
 class FlagOr(Checked):
-    """true, false, or a word that says more than true."""
+    """true, false, or one of some words that say more than true."""
 
-    word: str
+    words: tuple[str, ...]
 
     def check(self, value: Any) -> bool | str:
         if isinstance(value, bool):
             return value
-        if value == self.word:
-            return self.word
+        if value in self.words:
+            return str(value)
+        words = " or ".join(f'"{word}"' for word in self.words)
         raise refuse(
-            f'expected true, false or "{self.word}", found {quoted(value)}',
-            f'write true or false, without quotes, or "{self.word}"',
+            f"expected true, false, {words}, found {quoted(value)}",
+            f"write true or false, without quotes, or {words}",
         )
 
     def json_schema(self) -> dict[str, Any]:
-        return {"enum": [True, False, self.word]}
+        return {"enum": [True, False, *self.words]}
 
 
 @dataclass(frozen=True)

@@ -49,9 +49,10 @@ class Record(Table):
     contacts: Annotated[bool, Flag()] = key(
         "record the impulses of each contact, accumulated since the last frame", default=True
     )
-    impacts: Annotated[bool | str, FlagOr("every")] = key(
+    impacts: Annotated[bool | str, FlagOr(("every", "history"))] = key(
         "record the table of impacts; piles of thousands fill gigabytes with it."
-        ' "every": in piles too a row for each impact problem, not for each step alone',
+        ' "every": in piles too a row for each impact problem, not for each step alone.'
+        ' "history": that, and how impulses grow within each impact',
         default=True,
         examples=["every"],
     )

@@ -3,6 +3,7 @@
 use crate::contact::Contact;
 use crate::impact::compliant::{impulses, spring};
 use crate::impact::coupled::CoupledVelocities;
+use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
 use crate::level::coupling::Trial;
@@ -15,6 +16,7 @@ use crate::rows::along;
 use crate::workspace::{IslandScratch, SolveScratch};
 use carom_solve::rows::{Measured, RowContact, Subproblem, NODE_DOF};
 use carom_solve::NewtonOptions;
+use std::mem::take;
 
 /// Speed over r/h (1) below which the multipliers of joints at rest are rounding. At 0 a ball that is held without gravity never counts as
 /// solved; too large, and slow impacts at joints end with a residual.
@@ -95,17 +97,27 @@ impl ImpactScratch {
         solved.then_some(expands)
     }
 
-    /// Lets springs press the chosen contacts from the velocities of t_n on.
-    pub fn press(&mut self, model: &Model, contacts: &[Contact]) -> bool {
+    /// Lets springs press the chosen contacts from the velocities of t_n on. Joints and loads answer the impulses.
+    pub fn press(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        report: &mut StepReport,
+    ) -> bool {
         self.problems += 1;
         (self.law, self.along_middle) = (Law::Springs, false);
         self.velocity.clone_from(&self.v_old);
+        let contacts: &[Contact] = scratch.contacts;
         self.build(model, contacts, Law::Compression);
         let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
         let springs: Vec<_> = self.chosen.iter().map(of).collect();
-        let Some(lambda) = impulses(&self.sub, &springs, &model.options) else {
+        let mut courses = Courses::new(model.courses);
+        let Some(lambda) = impulses(&self.sub, &springs, &model.options, &mut courses) else {
             return false;
         };
+        let courses = courses.of_contacts();
+        let of_slots = courses.map(|(at, course)| (self.chosen[at] as u32, course));
+        self.table.courses.extend(of_slots);
         self.set_velocities(self.law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
@@ -114,7 +126,32 @@ impl ImpactScratch {
         self.balance();
         self.explained.clear();
         self.explained.resize(self.chosen.len(), 0.0);
-        true
+        let alone = self.joints.is_empty() && self.loads.is_empty();
+        alone || self.answer(model, scratch, report)
+    }
+
+    /// What joints and loads answer to the impulses at hand.
+    fn answer(
+        &mut self,
+        model: &Model,
+        scratch: &mut IslandScratch,
+        report: &mut StepReport,
+    ) -> bool {
+        let (chosen, mut lambda) = (take(&mut self.chosen), self.lambda.clone());
+        for (v, u) in self.velocity.iter_mut().zip(&self.u) {
+            *v += u;
+        }
+        self.build(model, scratch.contacts, Law::Plastic);
+        let solved = self.solve_built(model, scratch, 1, None, report);
+        let (joints, load) = (take(&mut self.lambda), take(&mut self.sub.load));
+        let first = lambda.len() - joints.len();
+        lambda[first..].copy_from_slice(&joints);
+        self.chosen = chosen;
+        self.set_velocities(self.law);
+        self.build(model, scratch.contacts, Law::Plastic);
+        (self.lambda, self.sub.load) = (lambda, load);
+        self.balance();
+        solved
     }
 
     /// Solves the problem at hand once more from its solution, which stays if it cannot be found more finely.
