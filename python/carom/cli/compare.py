@@ -45,7 +45,7 @@ def compare(
         option(
             "--plot",
             "FILE",
-            "Also draw the velocities at the end: .png, .svg or .pdf, with the numbers as CSV.",
+            "Also draw the velocities at the end, and of laws the impulses: .png, .svg or .pdf, and the numbers as CSV.",
         ),
     ] = None,
     at: Annotated[
@@ -68,7 +68,7 @@ def compare(
     Example: carom compare three_balls.toml --methods nsga,moreau --at 0.02
     """
     from carom.many.compare import compare as compare_methods
-    from carom.show.plot.comparison import speeds
+    from carom.show.plot.comparison import beside
 
     refuse_format(plot)
     described = scene(scenario, case, set_, until)
@@ -85,7 +85,7 @@ def compare(
             force=force,
             progress=bar,
         )
-    drawn(speeds, found, plot)
+    drawn(beside, found, plot)
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict()})
     else:

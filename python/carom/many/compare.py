@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -22,6 +22,7 @@ from carom import _core
 from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.files import inside
+from carom.many.impulses import growing, half
 from carom.many.quantity import USUAL
 from carom.many.sheets import of_comparison, titled
 from carom.run.result import Result
@@ -33,7 +34,7 @@ from carom.scene.scene import Scene
 from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.keywords import Options
 from carom.show.plot import require_matplotlib
-from carom.show.plot.comparison import speeds
+from carom.show.plot.comparison import beside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,8 +44,6 @@ NUMBERS = (
     *("wall_s", "core_s", "steps", "substeps", "halvings", "penetration_max", "penetration_max_relative"),
     *("energy", "iterations", "impact_problems", "unconverged", "fallbacks", "missed_impacts"),
 )
-#: Impacts that a comparison lists, of each run.
-FIRST = 12
 #: Frames of a run that is compared, besides those that are asked for, at most.
 FRAMES = 200
 #: Radii (radii per step) below which a position (velocity) is no size to compare with.
@@ -85,8 +84,13 @@ class MethodRun:
     states: Mapping[str, F64]
     differences: tuple[Difference, ...]
     directory: Path | None
-    order: tuple[str, ...] = ()
-    """The pairs with an impulse in an impact, in the order of steps and impact problems; at most `FIRST`."""
+    impulses: Mapping[str, F64] = field(default_factory=dict)
+    """Of impact laws: the first pairs that impacts move, in their order, as `carom.many.impulses.growing` has them."""
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The first pairs that impacts move, in the order in which they have half of their impulse."""
+        return tuple(self.impulses)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON; without the states."""
@@ -95,7 +99,10 @@ class MethodRun:
             "options": dict(self.options),
             "outcome": self.outcome,
             **plain(self.numbers),
-            "order": list(self.order),
+            "impulses": {
+                pair: {"half_at": half(points), "impulse": points[-1, 1]}
+                for pair, points in self.impulses.items()
+            },
             "differences": [vars(d) for d in self.differences],
             "directory": None if self.directory is None else str(self.directory),
         }
@@ -144,9 +151,9 @@ class Comparison:
         return all(run.ok for run in self.runs)
 
     def plot(self) -> Figure:
-        """Speed of each body at the end by each method, a figure of matplotlib."""
+        """Velocity of each body at the end by each method, and how impulses grow by impact laws, a figure of matplotlib."""
         require_matplotlib()
-        return speeds(self).figure
+        return beside(self).figure
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values: the document of `carom compare --json`."""
@@ -270,7 +277,10 @@ def compare(
             except RunFailed as error:
                 result = error.result
         sizes = sizes or {q: max(floor, _largest(getattr(result, q))) for q, floor in floors.items()}
-        runs.append(_measured(name, extra, result, [n // every for n in wanted], runs, sizes, directory))
+        run = _measured(name, extra, result, [n // every for n in wanted], runs, sizes, directory)
+        if laws is not None:
+            run = replace(run, impulses=growing(scene, extra, result))
+        runs.append(run)
         result.close()
     times = tuple(n * h for n in wanted)
     return Comparison(
@@ -334,18 +344,7 @@ def _measured(
         states,
         differences if before else (),
         directory,
-        _order(result),
     )
-
-
-def _order(result: Result) -> tuple[str, ...]:
-    table = result.impacts
-    if not len(table):
-        return ()
-    order = np.lexsort((np.asarray(table["problem"]), np.asarray(table["step"])))
-    order = order[np.asarray(table["problem"])[order] > 0][:FIRST]
-    names = [*result.names, *result.scene.wall_names]
-    return tuple("-".join(names[b] for b in pair) for pair in np.asarray(table["body"])[order].tolist())
 
 
 def _differences(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from carom.many.impulses import half
 from carom.many.order import pairwise_order
 from carom.many.quantity import QUANTITIES
 from carom.text import WIDTH, columns, seconds, table
@@ -73,7 +74,7 @@ def of_comparison(found: Comparison) -> Sheet:
     counts("unconverged", "unconverged")
     counts("fallbacks", "fallbacks")
     if found.laws:
-        row("impacts, in order", lambda r: " ".join(r.order) or "-")
+        _impulses(rows, runs)
         moved = [np.abs(r.states["velocity"][-1]) for r in runs]
         axes = np.flatnonzero(np.nanmax(moved, axis=(0, 1)) > 1e-9 * np.nanmax(moved))
         rows.append([f"velocities at {found.times[-1]:g} s (m/s)"])
@@ -90,6 +91,16 @@ def of_comparison(found: Comparison) -> Sheet:
         rows,
         found.remarks,
     )
+
+
+def _impulses(rows: list[list[str]], runs: Sequence[MethodRun]) -> None:
+    """When pairs have half of their impulse, and how much it is: the pairs of the first law in its order, then others."""
+    pairs = dict.fromkeys(pair for run in runs for pair in run.order)
+    if pairs:
+        rows.append(["impulse: half of it after so many impact problems, and N s"])
+    for pair in pairs:
+        found = [run.impulses.get(pair) for run in runs]
+        rows.append([f"  {pair}", *("-" if p is None else f"{half(p):.3f}  {p[-1, 1]:.3e}" for p in found)])
 
 
 def _off(run: MethodRun, quantity: str, time: float) -> str:

@@ -2,31 +2,85 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from carom.arrays import Array
-from carom.show.plot.style import COLOURS, Chart, legend, panels, styled
+from carom.show.plot.style import COLOURS, DASHES, Chart, fitted, legend, styled, width
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from carom.many.compare import Comparison
 
+#: Panels of impulses beside each other.
+BESIDE = 3
 
-def speeds(found: Comparison) -> Chart:
-    """Bars for every body: its velocity at the end along the direction in which the bodies move most."""
+
+def beside(found: Comparison) -> Chart:
+    """Velocities at the end as bars; of impact laws below them how impulses grow, a panel for each law."""
+    from carom.show.plot.figure import Drawing
+
+    grown = [run for run in found if run.impulses]
+    lines = -(-len(grown) // BESIDE)
+    with styled():
+        figure = Drawing(figsize=(width(), 3.6 + 1.9 * lines), layout="constrained")
+        parts: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.9 * lines]) if lines else [figure]
+        numbers = _speeds(parts[0], found)
+        if lines:
+            numbers |= _impulses(parts[1], found)
+    longest = max(map(len, numbers.values()))
+    padded = {name: np.pad(x, (0, longest - len(x)), constant_values=np.nan) for name, x in numbers.items()}
+    return Chart(figure, padded)
+
+
+def _label(found: Comparison, name: str) -> str:
+    return name.partition("+")[2] if found.laws else name
+
+
+def _speeds(part: Any, found: Comparison) -> dict[str, Array]:
+    """Along the direction in which the bodies move most."""
     numbers: dict[str, Array] = {}
     last = [run.states["velocity"][-1] for run in found]
     axis = int(np.nanargmax(np.nansum(np.abs(last), axis=(0, 1))))
-    place, width = np.arange(len(found.bodies)), 0.8 / len(found)
-    with styled():
-        figure, (axes,) = panels(1, 3.6, f"{found.title}: velocities at {found.times[-1]:g} s")
-        for i, (run, velocity) in enumerate(zip(found, last, strict=True)):
-            numbers[f"{run.name} (m/s)"] = velocity[:, axis]
-            label = run.name.partition("+")[2] if found.laws else run.name
-            at = place - 0.4 + (i + 0.5) * width
-            axes.bar(at, velocity[:, axis], width, color=COLOURS[i % len(COLOURS)], label=label)
-        axes.set_xticks(place, found.bodies)
-        axes.set_ylabel(f"v_{'xyz'[axis]} (m/s)")
-        legend(figure, axes, columns=3)
-    return Chart(figure, numbers)
+    place, wide = np.arange(len(found.bodies)), 0.8 / len(found)
+    axes = part.subplots()
+    axes.set_title(fitted(f"{found.title}: velocities at {found.times[-1]:g} s".lstrip(": ")), loc="left")
+    for i, (run, velocity) in enumerate(zip(found, last, strict=True)):
+        numbers[f"{run.name} (m/s)"] = velocity[:, axis]
+        at = place - 0.4 + (i + 0.5) * wide
+        label, colour = _label(found, run.name), COLOURS[i % len(COLOURS)]
+        axes.bar(at, velocity[:, axis], wide, color=colour, label=label)
+    axes.set_xticks(place, found.bodies)
+    axes.set_ylabel(f"v_{'xyz'[axis]} (m/s)")
+    legend(part, axes, columns=6)
+    return numbers
+
+
+def _impulses(part: Any, found: Comparison) -> dict[str, Array]:
+    """Of each pair over the impact problems of the run; a straight line where a law says no more."""
+    numbers: dict[str, Array] = {}
+    runs = [run for run in found if run.impulses]
+    pairs = list(dict.fromkeys(pair for run in runs for pair in run.order))
+    grid: Array = part.subplots(-(-len(runs) // BESIDE), BESIDE, sharey=True, squeeze=False)
+    panels: list[Axes] = list(grid.flat)
+    for axes, run in zip(panels, runs, strict=False):
+        for pair, points in run.impulses.items():
+            k = pairs.index(pair)
+            style = {"color": COLOURS[k % len(COLOURS)], "ls": DASHES[k // len(COLOURS) % len(DASHES)]}
+            axes.plot(*points.T, label=pair, lw=1.0, **style)
+            numbers[f"{run.name} {pair} (impact problems)"], numbers[f"{run.name} {pair} (N s)"] = points.T
+        axes.set_title(_label(found, run.name), loc="left")
+        axes.margins(x=0)
+    for axes in panels[len(runs) :]:
+        axes.set_visible(False)
+    for axes in panels[: len(runs)][-BESIDE:]:
+        axes.set_xlabel("impact problems")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("impulse (N s)")
+    handles = {
+        text: line for axes in panels for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    part.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=9)
+    return numbers
