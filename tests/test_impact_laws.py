@@ -120,10 +120,8 @@ def test_the_auditor_accepts_its_runs(law: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("law", "make"),
     [
-        ("poisson", random_scene),
+        *((law, random_scene) for law in LAWS),
         ("poisson", random_linked_scene),
-        ("compliant", random_scene),
-        ("binary", random_scene),
         ("compliant", random_hung_scene),
         ("binary", random_hung_scene),
         ("compliant", random_linked_scene),
@@ -131,9 +129,7 @@ def test_the_auditor_accepts_its_runs(law: str, tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("scenes", [40, pytest.param(300, marks=pytest.mark.long)])
-def test_other_laws_than_newtons_equal_the_oracle(
-    law: str, make: Callable[[int], dict[str, Any]], scenes: int
-) -> None:
+def test_every_law_equals_the_oracle(law: str, make: Callable[[int], dict[str, Any]], scenes: int) -> None:
     """To 1e-10, but where friction is redundant: then the impulses of compression are not unique."""
     redundant = 0
     for seed in range(scenes):
@@ -152,13 +148,12 @@ def test_other_laws_than_newtons_equal_the_oracle(
 
 
 @LAW
-@pytest.mark.parametrize("seed", range(8))
-def test_the_order_of_the_bodies_changes_nothing(law: str, seed: int) -> None:
-    """Contacts turn round and come in another order. Without friction, which may be redundant."""
-    model = random_scene(seed) | {
-        name: np.zeros(2) for name in ("friction", "rolling_radius", "spinning_radius")
-    }
-    order = np.random.default_rng(seed).permutation(len(model["radius"]))
+def test_names_change_nothing_cones_hold_and_energy_never_grows(law: str) -> None:
+    """300 clusters of up to 14 balls with friction; their contacts turn round and come in another order.
+
+    Where friction is redundant the impulses of compression are not unique, and Poisson's rebound follows them. A gain of
+    1e-10 of the energy is rounding by rule R4.
+    """
     bodies = (
         "radius",
         "mass",
@@ -169,12 +164,52 @@ def test_the_order_of_the_bodies_changes_nothing(law: str, seed: int) -> None:
         "angular_velocity",
         "material",
     )
-    ends = []
-    for one in (model, model | {name: model[name][order] for name in bodies}):
-        core = _core.Simulation(one | {"options": one["options"] | {"impact": law}})
-        assert core.advance(5, 5, False, 1e9)["outcome"] is None
-        ends.append(core.frame()["velocity"])
-    np.testing.assert_allclose(ends[0][order], ends[1], atol=1e-10)
+    several = redundant = 0
+    for seed in range(300):
+        model = random_scene(seed, 14)
+        model["options"] |= {"impact": law, "position_friction": "once"}
+        order = np.random.default_rng(seed).permutation(len(model["radius"]))
+        core = _core.Simulation(model)
+        block = core.advance(5, 1, True, 1e9)
+        renamed = _core.Simulation(model | {name: model[name][order] for name in bodies})
+        assert block["outcome"] is None
+        assert renamed.advance(5, 5, False, 1e9)["outcome"] is None
+        off = np.abs(core.frame()["velocity"][order] - renamed.frame()["velocity"]).max()
+        if off > 1e-10:
+            redundant += 1
+            assert law == "poisson", seed
+        several += len(np.unique(block["impacts"]["body"], axis=0)) > 1
+        if LAWS[law].energy:
+            assert beyond_cones(model, block["impacts"]) <= 1e-12, seed
+            kinetic, potential = (block["steps"][f"energy_{name}"] for name in ("kinetic", "potential"))
+            total = np.append(energy_of(model), kinetic + potential)
+            assert np.diff(total).max() <= 1e-10 * (kinetic + np.abs(potential)).max(), seed
+    assert several > 200
+    assert redundant <= 3
+
+
+def energy_of(model: dict[str, Any]) -> float:
+    """At the start, J."""
+    v, w, x = (model[name] for name in ("velocity", "angular_velocity", "position"))
+    kinetic = 0.5 * model["mass"] @ (v**2).sum(axis=1) + 0.5 * model["inertia"] @ (w**2).sum(axis=1)
+    return float(kinetic - model["mass"] @ x @ model["gravity"])
+
+
+def beyond_cones(model: dict[str, Any], impacts: dict[str, np.ndarray]) -> float:
+    """How far impulses of impacts are outside of their cones, over the largest one; with rolling and spinning friction."""
+    rows = impacts["problem"] > 0
+    if not rows.any():
+        return 0.0
+    normal, impulse, moment = (impacts[name][rows] for name in ("normal", "impulse", "moment"))
+    of_floor = (impacts["body"][rows][:, 1] >= len(model["radius"])).astype(int)
+    along, spin = np.einsum("nij,ij->ni", np.array([impulse, moment]), normal)
+    across = np.linalg.norm(impulse - along[:, None] * normal, axis=1)
+    roll = np.linalg.norm(moment - spin[:, None] * normal, axis=1)
+    friction, rolling, spinning = (
+        model[name][of_floor] * along for name in ("friction", "rolling_radius", "spinning_radius")
+    )
+    beyond = [-along, across - friction, (roll - rolling) / 0.03, (np.abs(spin) - spinning) / 0.03]
+    return float(np.max(beyond) / np.abs(impulse).max())
 
 
 @LAW
