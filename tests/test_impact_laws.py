@@ -374,6 +374,24 @@ def test_chains_have_the_sizes_and_gaps_that_are_asked_for() -> None:
     assert simulated(column(3)).names == ["1", "2", "3"]
 
 
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: chain(2.5), "chain: count must be a whole number of at least 2 balls, found 2.5"),  # type: ignore[arg-type]
+        (lambda: chain(3, speed=0), "chain: speed must be positive, found 0"),
+        (lambda: chain(3, gap=-1e-3), "chain: gap must be zero or positive, found -0.001"),
+        (lambda: chain(3, taper=0.5, between=0.01), "give taper or between, not both"),
+        (lambda: column(3, gravity=float("nan")), "column: gravity must be a finite number"),
+        (lambda: cradle(3, lifted=3), "cradle: lifted must be less than count, 3 balls, found 3"),
+        (lambda: cradle(3, angle=400), "cradle: angle must be at most 90 degrees, found 400"),
+        (lambda: cradle(3, length=0), "cradle: length must be positive, found 0"),
+    ],
+)
+def test_what_is_no_row_of_balls_is_refused(made: Callable[[], carom.Scene], told: str) -> None:
+    with pytest.raises(carom.CaromError, match=re.escape(told)):
+        made()
+
+
 @LAW
 def test_a_cradle_hangs_on_its_rods_by_every_law(law: str) -> None:
     """What the first hit gives is that of the row; rods keep their lengths, and nothing is gained."""

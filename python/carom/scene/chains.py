@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from numbers import Integral
+from typing import Any
 
 from carom.errors import CaromError
+from carom.scene.billiards.arguments import number
 from carom.scene.scene import Scene
 
 MATERIAL = "ball"
@@ -24,11 +27,13 @@ def chain(
 ) -> Scene:
     """A row of balls along x, "1" to `count`, without gravity; the first one hits the others, which are at rest.
 
-    Lengths in m, `speed` in m/s, `density` in kg/m^3. Each radius is `taper` times the one before; with `between` (m) every
-    second ball has that radius (decorated chain). With `gap` 0 the balls touch, and one step sees the impact; else the
-    run lasts until every gap can have been crossed three times.
+    Lengths in m, `speed` in m/s, `density` in kg/m^3, or texts with a unit. Each radius is `taper` times the one before;
+    with `between` (m) every second ball has that radius (decorated chain). With `gap` 0 the balls touch, and one step sees
+    the impact; else the run lasts until every gap can have been crossed three times.
     """
-    radii = _radii(count, radius, taper, between)
+    radii = _radii("chain", count, radius, taper, between)
+    gap = _number("chain", "gap", gap, "length", zero=True)
+    speed = _number("chain", "speed", speed, "speed")
     scene = _empty((0.0, 0.0, 0.0), friction, restitution)
     x = 0.0
     for k, r in enumerate(radii):
@@ -60,7 +65,9 @@ def column(
 
     Lengths in m, `speed` in m/s, `density` in kg/m^3, `gravity` in m/s^2.
     """
-    radii = _radii(count, radius, taper, None)
+    radii = _radii("column", count, radius, taper, None)
+    speed = _number("column", "speed", speed, "speed")
+    gravity = _number("column", "gravity", gravity, "acceleration", zero=True)
     scene = _empty((0.0, 0.0, -gravity), friction, restitution)
     scene.plane("floor", material=MATERIAL, point=(0, 0, 0), normal=(0, 0, 1))
     z = radii[0]
@@ -95,8 +102,13 @@ def cradle(
 
     `length` of the rods and `radius` in m, `density` in kg/m^3, `gravity` in m/s^2. The run lasts for `hits` hits.
     """
-    if not 0 < lifted < count:
-        raise CaromError(f"lifted must be from 1 to {count - 1} balls (got {lifted})")
+    _count("cradle", "count", count, 2)
+    if _count("cradle", "lifted", lifted, 1) >= count:
+        raise CaromError(f"cradle: lifted must be less than count, {count} balls, found {lifted}")
+    radius, length = (_number("cradle", k, v, "length") for k, v in (("radius", radius), ("length", length)))
+    gravity, hits = _number("cradle", "gravity", gravity, "acceleration"), _number("cradle", "hits", hits)
+    if not 0.0 < _number("cradle", "angle", angle) <= 90.0:
+        raise CaromError(f"cradle: angle must be at most 90 degrees, found {angle!r}")
     scene = _empty((0.0, 0.0, -gravity), friction, restitution)
     way = math.radians(angle)
     for k in range(count):
@@ -109,12 +121,28 @@ def cradle(
     return scene.with_options(step=step, until=round(hits * half / step) * step)
 
 
-def _radii(count: int, radius: float, taper: float, between: float | None) -> list[float]:
-    if count < 2:
-        raise CaromError(f"count must be at least 2 balls (got {count})")
+def _radii(call: str, count: int, radius: float, taper: float, between: float | None) -> list[float]:
+    _count(call, "count", count, 2)
+    radius, taper = _number(call, "radius", radius, "length"), _number(call, "taper", taper)
     if between is None:
         return [radius * taper**k for k in range(count)]
+    if taper != 1.0:
+        raise CaromError(f"{call}: give taper or between, not both")
+    between = _number(call, "between", between, "length")
     return [between if k % 2 else radius for k in range(count)]
+
+
+def _count(call: str, name: str, value: Any, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise CaromError(f"{call}: {name} must be a whole number of at least {least} balls, found {value!r}")
+    return int(value)
+
+
+def _number(call: str, name: str, value: Any, dimension: str | None = None, *, zero: bool = False) -> float:
+    found = number(call, name, value, dimension)
+    if found < 0.0 or (found == 0.0 and not zero):
+        raise CaromError(f"{call}: {name} must be {'zero or ' if zero else ''}positive, found {value!r}")
+    return found
 
 
 def _empty(gravity: tuple[float, float, float], friction: float, restitution: float) -> Scene:
