@@ -91,6 +91,32 @@ def test_one_contact_has_the_restitution_of_its_material(law: str, e: float) -> 
 
 
 @LAW
+@pytest.mark.parametrize(
+    ("mu", "spin", "sticks"),
+    [(0.1, 0.0, False), (0.5, 0.0, True), (0.1, -400.0, False), (0.9, -200.0, True), (0.2, 600.0, False)],
+)
+def test_an_oblique_ball_on_a_wall_has_its_closed_form(
+    law: str, mu: float, spin: float, sticks: bool
+) -> None:
+    """It slips to the end, or until it sticks; backspin turns it round, forward spin drives it on. `e_T = 0`."""
+    e, r, down, along = 0.8, 0.01, 2.0, np.array([0.9, 1.2])
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("m", "m", friction=mu, restitution=e)
+    scene.plane("wall", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    way = along / np.linalg.norm(along)
+    axis = np.array([-way[1], way[0], 0.0])  # turning about it positively rolls along the way
+    scene.sphere("b", radius=r, material="m", mass=1.0, position=(0, 0, r), velocity=(*along, -down),
+                 angular_velocity=(spin * axis).tolist())  # fmt: skip
+    end = simulated(scene, impact=law, step=1e-9, until=1e-9)
+    slip = float(along @ way) - r * spin
+    impulse = -np.sign(slip) * min(mu * (1 + e) * down, abs(slip) / 3.5)
+    assert (abs(slip) / 3.5 < mu * (1 + e) * down) == sticks
+    after = [*(along + impulse * way), e * down]
+    assert end.velocity[-1][0] == pytest.approx(after, abs=1e-9)
+    assert end.angular_velocity[-1][0] == pytest.approx((spin - 2.5 * impulse / r) * axis, abs=1e-7)
+
+
+@LAW
 @pytest.mark.parametrize("mu", [0.0, 0.06])
 def test_energy_is_what_the_row_says(law: str, mu: float) -> None:
     """With friction Newton's law gains energy in this impact (Kane) where nothing takes it back."""

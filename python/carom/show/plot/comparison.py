@@ -73,6 +73,7 @@ def _impulses(part: Any, found: Comparison) -> dict[str, Array]:
             numbers[f"{run.name} {pair} (impact problems)"], numbers[f"{run.name} {pair} (N s)"] = points.T
         axes.set_title(_label(found, run.name), loc="left")
         axes.margins(x=0)
+        axes.locator_params(axis="x", nbins=4)
     for axes in panels[len(runs) :]:
         axes.set_visible(False)
     for axes in panels[: len(runs)][-BESIDE:]:
