@@ -81,7 +81,7 @@ impl Pair {
         bodies.motion[b][0] -= bodies.inv_mass[b] * vector;
         self.drive(bodies, vector, DVec3::ZERO, DVec3::ZERO);
         self.now.impulse += vector;
-        self.now.normal_impulse += vector;
+        self.now.weighed_normal += impulse.abs() * self.normal;
         self.now.work[0] += impulse * (0.5 * impulse * self.inv_mass - closing);
     }
 

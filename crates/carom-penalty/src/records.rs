@@ -8,7 +8,7 @@ use carom_solve::Bounds;
 impl Pair {
     /// Whether anything happened to it in this step.
     pub fn has_record(&self) -> bool {
-        self.closed || self.step.normal_impulse != glam::DVec3::ZERO
+        self.closed || self.step.weighed_normal != glam::DVec3::ZERO
     }
 
     /// Ends the step: its sums are complete, and a contact that stays closed remembers its impulses.
@@ -30,9 +30,17 @@ impl Pair {
         elastic.energy(self.force, -self.gap) + 0.5 * sheared
     }
 
-    /// The step's impulses as a contact of the step, in the frame of their mean normal.
+    /// The step's impulses as a contact of the step.
+    ///
+    /// Friction acts on the lever of the mean normal, also where elastic and damping impulses cancel: the direction of their
+    /// sum is that of rounding errors then. Without friction only the row along the sum holds what acted.
     pub fn contact(&self, law: u32) -> Contact {
-        let n = self.step.normal_impulse.normalize_or(self.normal);
+        let along = if self.constants.slides {
+            self.step.weighed_normal
+        } else {
+            self.step.impulse
+        };
+        let n = along.normalize_or(self.normal);
         let (t1, t2) = carom_geom::tangent_frame(n);
         // The rows are there although the law may give 0 just now.
         let sliding = if self.constants.slides {

@@ -9,8 +9,8 @@ pub struct Sums {
     pub impulse: DVec3,
     /// N m s.
     pub moment: DVec3,
-    /// The normal part of `impulse`; its direction is the mean normal.
-    pub normal_impulse: DVec3,
+    /// Normals times the sizes of their impulses, N s: its direction is the mean normal.
+    pub weighed_normal: DVec3,
     /// Normal, sliding, rolling, spinning, J.
     pub work: [f64; 4],
 }
@@ -19,7 +19,7 @@ impl Sums {
     pub fn add(&mut self, other: &Sums) {
         self.impulse += other.impulse;
         self.moment += other.moment;
-        self.normal_impulse += other.normal_impulse;
+        self.weighed_normal += other.weighed_normal;
         for (a, b) in self.work.iter_mut().zip(other.work) {
             *a += b;
         }
