@@ -6,7 +6,7 @@ the compressions, a kick with implicit friction, half a drift.
 
 import numpy as np
 
-from .island import Island
+from .island import SPRINGS, Island
 from .model import F64
 
 RESOLUTION = 500.0
@@ -16,7 +16,7 @@ SWEEPS, SETTLED = 100, 1e-13
 
 def spring_impulses(island: Island) -> F64:
     """Impulses (m,) from the velocities before the step; of contacts, which joints answer."""
-    lay, gradient, gaps = island.layout, island.gradient, island.model.options.impact == "compliant"
+    lay, gradient, gaps = island.layout, island.gradient, island.model.options.impact != "binary"
     # of joints, which keep what they do, only what they leave is there
     held = gradient[lay.joint_rows]
     coupling = gradient @ (gradient / lay.mass).T
@@ -31,7 +31,7 @@ def spring_impulses(island: Island) -> F64:
         * float(1.0 / radii[e.pair.a] + (1.0 / radii[e.pair.b] if e.pair.plane < 0 else 0.0)) ** -0.5
         for e in island.elements
     ]
-    p = island.model.options.impact_exponent
+    p = SPRINGS[island.model.options.impact] or island.model.options.impact_exponent
     # the largest inverse mass of each contact's friction: no less, or sweeps swing
     steep = [
         float(np.linalg.eigvalsh(coupling[n + 1 : n + 3, n + 1 : n + 3])[-1]) if e.slides else 0.0

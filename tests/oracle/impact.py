@@ -13,8 +13,8 @@ import numpy as np
 
 from .compliant import spring_impulses
 from .contact import Impulse, to_world
+from .island import SPRINGS, connected
 from .island import Island as Island
-from .island import connected
 from .model import F64
 from .newton import solve
 
@@ -249,9 +249,9 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
             result.problems.append(record)
         elif law == "poisson":
             impulses = _poisson(island, impact_problem, tolerance, result)
-        elif law in ("compliant", "binary") and len(island.elements) > 1:
+        elif law in SPRINGS and len(island.elements) > 1:
             impulses = _binary(island, impact_problem, tolerance, result)
-        elif law in ("sequence", "sequence-paper", "compliant", "binary"):
+        elif law in ("sequence", "sequence-paper", *SPRINGS):
             impulses = _sequence(island, impact_problem, tolerance, result)
         else:
             raise ValueError(f"impact: {law!r} is not a law of the reference")

@@ -19,6 +19,8 @@ CLOSING_LOAD, CLOSING_SPEED = 1e-2, 1e-6
 """Closing tolerance over the change of velocity by loads, and over the largest speed (rule R3)."""
 LARGE_ISLAND = 10
 """Contacts above which the closing tolerance goes by the loads on a contact's own bodies, and by the speed from below."""
+SPRINGS: dict[str, float | None] = {"compliant": None, "binary": None}
+"""Laws through springs `F = k d^n`, with n; None: that of the options."""
 
 
 def connected(sets: Sequence[Iterable[int]]) -> list[list[int]]:
@@ -233,7 +235,7 @@ class Island:
             # zero means never: the unclipped law of the paper knows separating pre-impact velocities
             if threshold == 0.0 or -approach[i] >= threshold:
                 result[n] = law.rebound(-approach[i]) * (approach[i] if paper else min(0.0, approach[i]))
-            restores = e.slides and self.model.options.impact not in ("compliant", "binary")
+            restores = e.slides and self.model.options.impact not in SPRINGS
             if restores and (paper or approach[i] < -tolerance[i]):
                 rows = slice(n + 1, n + 3)
                 result[rows] = law.tangential_restitution * (self.gradient[rows] @ u_minus)

@@ -91,7 +91,7 @@ pub fn impulses(
         system,
         reduced: Reduced::new(system, springs.len()),
         springs,
-        keeps_gaps: o.impact == Impact::Compliant,
+        keeps_gaps: o.impact != Impact::Binary,
         exponent: o.impact_exponent,
         u: vec![0.0; NODE_DOF * system.nodes()],
         lambda: vec![0.0; system.rows()],
