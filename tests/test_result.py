@@ -112,8 +112,8 @@ def test_residual_histories(result: carom.Result) -> None:
     assert sorted(levels) == [0, 1]
     assert result.residuals.history(0) == []
     assert "value" not in result.residuals.columns
-    with pytest.raises(KeyError, match="known: position, velocity"):
-        result.residuals.history(step, "smooth")
+    with pytest.raises(KeyError, match="known: smooth, position, velocity"):
+        result.residuals.history(step, "rolling")
 
 
 def test_columns_act_as_arrays(result: carom.Result) -> None:

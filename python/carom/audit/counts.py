@@ -7,17 +7,19 @@
     truncated           not 0 where /impacts has the problem that ends a sequence
     entered, removed    rows of /events of the step        energy_in: of those that enter, as the frame after it has them
     penetration         the deepest overlap of all pairs at the frame, and over the radius of the smaller body
+    iterations, residuals       not below those of the history that /residuals keeps of the step, one for each level
 
-Iterations, sweeps, residuals and the like are the solver's own affair; nothing else in a run tells them.
+How a solver came to them, sweeps and the like are its own affair; nothing else in a run tells them.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from carom.arrays import Array
 from carom.audit import groups
 from carom.audit.block import Block
-from carom.audit.data import Run
+from carom.audit.data import LEVELS, Run
 from carom.audit.hits import components
 from carom.audit.near import MARGIN, Near
 from carom.audit.report import Tally
@@ -44,6 +46,7 @@ def judge(run: Run, tally: Tally) -> None:
         tally.measure("energy record", np.abs(s["energy_work"]), 0.0, lambda i: run.step_place(i + 1))
     if run.has_impacts:
         _impacts(run, tally)
+    _histories(run, tally)
 
 
 def _works(run: Run) -> bool:
@@ -74,6 +77,29 @@ def _impacts(run: Run, tally: Tally) -> None:
     scale = s["restitution_scale"]
     off = np.where(run.cut, least < scale, least != scale) | ~((scale >= 0.0) & (scale <= 1.0))
     tally.measure("counts", off, 0.0, lambda i: run.step_place(i + 1))
+
+
+def _histories(run: Run, tally: Tally) -> None:
+    """Where the first solver succeeded in a whole step; what others left behind may be longer and end higher."""
+    s, table = run.steps, run.result.residuals
+    step, level, problem, contacts = (
+        np.asarray(table[name]).astype(np.int64) for name in ("step", "level", "problem", "contacts")
+    )
+    ends, values = (run.result._segments.column("residuals", name) for name in ("end", "value"))
+    end = np.asarray(ends).astype(np.int64)
+    each = np.arange(len(LEVELS)) == level[:, None]
+
+    def told(name: str) -> Array:
+        columns = np.stack([s[f"{name}_{of}"] for of in LEVELS], axis=1)
+        return np.asarray(columns[step - 1][each])
+
+    beyond = np.maximum(0.0, np.asarray(values)[end - 1] - told("residual"))
+    beyond += np.maximum(0, np.diff(end, prepend=0) - 1 - told("iterations").astype(np.int64))
+    beyond += np.maximum(0, problem - np.where(level == 2, s["impact_problems"][step - 1], 0))
+    beyond += np.maximum(0, contacts - s["candidates"][step - 1].astype(np.int64))
+    beyond += np.diff(step * len(LEVELS) + level, prepend=0) <= 0
+    whole = np.flatnonzero(~run.cut[step - 1] & (s["fallbacks"][step - 1] == 0))
+    tally.measure("counts", beyond[whole], 0.0, lambda i: run.step_place(int(step[whole[i]])))
 
 
 def of_frames(block: Block, near: Near, tally: Tally) -> None:

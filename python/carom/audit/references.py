@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import I64, Bool
-from carom.audit.data import Run
+from carom.audit.data import LEVELS, Run
 from carom.audit.kinds import KINDS
 from carom.audit.report import Place, Tally
 
@@ -92,6 +92,12 @@ def _rows(run: Run, tally: Tally) -> None:
         _count(tally, wrong, "/transitions/body")
         _count(tally, _whole(changes["kind"]) >= len(changes.EVENTS), "/transitions/kind")
         _count(tally, (_whole(changes["mode"]) >= len(changes.MODES)).any(axis=1), "/transitions/mode")
+    history, values = run.result.residuals, segments.column("residuals", "value")
+    end, level = _whole(segments.column("residuals", "end")), _whole(history["level"])
+    _count(tally, _disordered(_whole(history["step"]), 1, last), "/residuals/step")
+    _count(tally, (level < 0) | (level >= len(LEVELS)), "/residuals/level")
+    _count(tally, np.diff(end, prepend=0, append=len(values) + 1) <= 0, "/residuals/end")
+    _count(tally, len(end) > 0 and end[-1] != len(values), "/residuals/end")
 
 
 def _whole(column: Any) -> I64:

@@ -257,7 +257,7 @@ class Residuals(Table):
     """One row per recorded contact problem; `history(step)` gives the residual norms of its iterations."""
 
     name = "residuals"
-    LEVELS: ClassVar[Mapping[str, int]] = {"position": 1, "velocity": 2}
+    LEVELS: ClassVar[Mapping[str, int]] = {"smooth": 0, "position": 1, "velocity": 2}
 
     @property
     def columns(self) -> list[str]:
@@ -265,7 +265,7 @@ class Residuals(Table):
         return [c for c in super().columns if c not in ("end", "value")]
 
     def history(self, step: int, level: str | None = None) -> list[Array]:
-        """Residual norms per iteration, an array for each contact problem of a step, of one level or of both."""
+        """Residual norms per iteration, an array for each problem of a step, of one level or of all."""
         if level is not None and level not in self.LEVELS:
             raise UnknownName(f"no level is called {level!r}; known: {', '.join(self.LEVELS)}")
         chosen = np.asarray(self["step"]) == step

@@ -218,7 +218,7 @@ MEANINGS: dict[str, Meaning] = {
     "steps/handovers": Meaning("1", "how often method events handed the motion to steps of nsga"),
     "steps/stepped": Meaning("s", "time in the step that those steps made"),
     "residuals/step": Meaning("1", "step of the contact problem"),
-    "residuals/level": Meaning("1", "1 position, 2 velocity"),
+    "residuals/level": Meaning("1", "0 smooth motion, 1 position, 2 velocity"),
     "residuals/problem": Meaning("1", "number of the contact problem in its step and level"),
     "residuals/contacts": Meaning("1", "candidate contacts of the problem, closed or not"),
     "residuals/end": Meaning("1", "end of its history in /residuals/value"),
