@@ -213,9 +213,9 @@ impl Simulation {
             }
             return Err(failure);
         }
-        // A problem that the halves of the step could solve is no failure.
+        // A problem that was solved in another way, or by the halves of the step, is no failure.
         if report.unconverged == 0 {
-            self.failed = None;
+            (self.failed, self.scratch.keeper.failed) = (None, None);
         }
         self.state.step = number;
         let left = std::mem::take(&mut self.scratch.left);

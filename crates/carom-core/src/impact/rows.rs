@@ -179,6 +179,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn add(&mut self, problem: u32) {
+        self.work.problems += 1;
         self.work.commit(self.scratch.contacts);
         self.work.record(self.scratch.contacts, problem);
     }

@@ -333,7 +333,6 @@ impl ImpactIsland for SphereIsland<'_> {
             || self.model.options.impact.has_loads_first()
             || chosen.any(|&slot| self.approaches(slot as usize));
         self.pile.velocity.table.begin_problem(problem, closed);
-        self.report.impact_problems += 1;
         if law == Law::Springs {
             return self.pile.press(self.model, self.contacts);
         }
@@ -353,6 +352,7 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn add(&mut self, problem: u32) {
+        self.report.impact_problems += 1;
         let o = &self.model.options;
         let all = o.loads_once() || !o.impact.is_newtons();
         self.pile.commit(self.contacts, problem, all);

@@ -40,20 +40,14 @@ impl ImpactScratch {
         warm: Option<&[f64]>,
         report: &mut StepReport,
     ) -> bool {
-        self.problems += 1;
         self.law = law;
         self.along_middle = problem == 0 && !self.middle.is_empty();
         self.set_velocities(law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
         self.build(model, scratch.contacts, law);
-        let failed_before = scratch.keeper.failed.take();
         if !self.solve_stated(model, scratch, problem, warm, report) {
             return false;
-        }
-        if self.last.converged {
-            // What was tried on the way, with more restitution, is no failure.
-            scratch.keeper.failed = failed_before;
         }
         // The files of problems know no least impulses.
         if law != Law::Expansion && scratch.keeper.wants(self.last.iterations) {
@@ -104,7 +98,6 @@ impl ImpactScratch {
         scratch: &mut IslandScratch,
         report: &mut StepReport,
     ) -> bool {
-        self.problems += 1;
         (self.law, self.along_middle) = (Law::Springs, false);
         self.velocity.clone_from(&self.v_old);
         let contacts: &[Contact] = scratch.contacts;
@@ -180,7 +173,7 @@ impl ImpactScratch {
         self.solve_built(model, scratch, problem, None, report)
     }
 
-    /// Solves the problem as it is stated; at rest where it was so, and without restitution where there are no velocities that Newton's law asks for.
+    /// Solves the problem as it is stated; at rest where it was so. With restitution only a solution counts: without it there is one.
     fn solve_stated(
         &mut self,
         model: &Model,
@@ -194,12 +187,9 @@ impl ImpactScratch {
             _ if problem > 1 => None,
             _ => self.rests_below(model, scratch.contacts),
         };
-        // Contacts that jam may contradict one another (a ball in a corner with mu > 1/sqrt 2). Without restitution the measures are
-        // those of a motion, and the problem has a solution.
-        let without = self.law.has_restitution() && model.options.energy_safeguard;
-        let accept = self.accept_unconverged;
-        self.accept_unconverged &= resting.is_none() && !without;
+        let accept = self.accept_unconverged && !self.law.has_restitution();
         let mut before = *report;
+        let allowed = std::mem::replace(&mut self.accept_unconverged, accept && resting.is_none());
         let mut solved = self.solve_built(model, scratch, problem, warm, report);
         // What was tried is no part of the step.
         if let Some(bound) = resting {
@@ -210,14 +200,8 @@ impl ImpactScratch {
                 (*report, solved) = (before, true);
             }
         }
-        self.accept_unconverged = accept;
-        if !solved && without {
-            report.residual_velocity = before.residual_velocity;
-            self.scale.fill(0.0);
-            self.build(model, scratch.contacts, Law::Plastic);
-            solved = self.solve_built(model, scratch, problem, warm, report);
-            report.fallbacks += 1;
-        } else if !solved && accept {
+        self.accept_unconverged = allowed;
+        if !solved && accept {
             report.unconverged += 1;
             solved = true;
         }

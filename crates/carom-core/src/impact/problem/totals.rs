@@ -91,7 +91,6 @@ impl ImpactScratch {
         contacts: &[Contact],
         loads: &[f64],
     ) {
-        self.problems += 1;
         (self.law, self.along_middle) = (Law::Plastic, true);
         self.set_velocities(Law::Plastic);
         self.scale.clear();
