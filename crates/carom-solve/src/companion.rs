@@ -8,12 +8,9 @@ use crate::problem::{Problem, Scaled};
 use crate::rows::RowSystem;
 use crate::solver::InteriorPoint;
 
-/// sigma over the diagonal of W (1) where Newton's method begins at a companion: what does not slide is solved by it, as finely as is asked of
-/// islands. Larger: jams at rest miss their tolerance.
-pub(crate) const SIGMA_OF_START: f64 = 1e-10;
-/// The same where the companion is the solution. Larger: contacts give way by a larger share of what the loads do. Smaller: where measures
+/// sigma over the diagonal of W (1). Larger: contacts give way by a larger share of what the loads do. Smaller: where measures
 /// contradict one another forces grow to its inverse, and rounding keeps the path from them.
-pub(crate) const SIGMA_OF_ANSWER: f64 = 1e-6;
+const SIGMA: f64 = 1e-6;
 /// Forces over the largest one (1) that are those of a contact which parts: the path ends inside of the cones.
 const PARTED: f64 = 1e-8;
 /// The same over the speed at which it parts (1).
@@ -23,18 +20,13 @@ const ON_BOUNDARY: f64 = 1e-5;
 
 /// Solves for the multipliers of the measures `q` (without multipliers), with this share of the friction. False:
 /// rounding kept the path from it, `lambda` is as it was.
-pub fn solve(
-    system: &RowSystem,
-    q: &[f64],
-    [friction, sigma]: [f64; 2],
-    lambda: &mut [f64],
-) -> bool {
+pub fn solve(system: &RowSystem, q: &[f64], friction: f64, lambda: &mut [f64]) -> bool {
     let mut problem = Problem::from_rows(system, q);
     for group in &mut problem.groups {
         group.bounds = group.bounds.scaled(friction);
     }
     let scaled = Scaled::new(&problem);
-    let found = InteriorPoint::default().companion(&shifted(&scaled.problem, sigma));
+    let found = InteriorPoint::default().companion(&shifted(&scaled.problem));
     let Some(mut y) = found else {
         return false;
     };
@@ -51,7 +43,7 @@ pub fn solve(
 }
 
 /// The problem with sigma in its contacts.
-fn shifted(problem: &Problem, sigma: f64) -> Problem {
+fn shifted(problem: &Problem) -> Problem {
     let mut shifted = problem.clone();
     for (i, group) in problem.groups.iter().enumerate() {
         if group.bilateral {
@@ -60,7 +52,7 @@ fn shifted(problem: &Problem, sigma: f64) -> Problem {
         let k = shifted.w.diagonal[i];
         let block = shifted.w.block_mut(i, k);
         for r in 0..group.dim {
-            block[r * group.dim + r] *= 1.0 + sigma;
+            block[r * group.dim + r] *= 1.0 + SIGMA;
         }
     }
     shifted

@@ -1,4 +1,4 @@
-//! Islands of rows, solved by the ladder [`ISLAND`] (rule R1), Newton's method first where they are small.
+//! Islands of rows, solved by the ladder [`ISLAND`] (rule R1), Newton's method first.
 //!
 //! Unknowns are the multipliers and the correction `u` (M u = G^T lambda). One iteration of Newton's method solves
 //! `[M - sum phi_N K + p G^T C G, -G^T C; -C p G, C - 1] (du, dl) = -(M u - G^T phi, phi - l)`
@@ -133,7 +133,6 @@ impl Newton {
             problem,
             options,
         };
-        let large = on.is_large();
         self.begin(on.system);
         self.attempts.clear();
         self.start.clear();
@@ -147,8 +146,7 @@ impl Newton {
             let fits = knows
                 && match rung.when {
                     IslandWhen::Always => true,
-                    IslandWhen::Large => large && !loads,
-                    IslandWhen::Swept => swept,
+                    IslandWhen::Swept => swept && !loads,
                     IslandWhen::Last => options.companion.is_some() && !loads,
                 };
             if !fits {
@@ -157,10 +155,7 @@ impl Newton {
             total.fallback |= !self.attempts.is_empty();
             x.clone_from(&self.start);
             let mut report = match rung.way {
-                IslandWay::Newton => self.iterate(&mut on, u32::MAX, &mut x),
-                IslandWay::Companions { polish } => {
-                    self.companions(&mut on, [rung.budget, polish], &mut x)
-                }
+                IslandWay::Newton => self.iterate(&mut on, &mut x),
                 IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
                 IslandWay::Companion => self.companion(&mut on, rung.budget, &mut x),
             };
@@ -219,12 +214,7 @@ impl Newton {
     }
 
     /// Newton's method.
-    fn iterate<P: Subproblem>(
-        &mut self,
-        on: &mut Island<P>,
-        most: u32,
-        x: &mut [f64],
-    ) -> SolveReport {
+    fn iterate<P: Subproblem>(&mut self, on: &mut Island<P>, x: &mut [f64]) -> SolveReport {
         let options = on.options;
         self.set_penalty(on.system, options.penalty_scale);
         // Loads couple nodes beyond the contacts: the nodes count.
@@ -249,7 +239,6 @@ impl Newton {
         };
         let mut steps = std::mem::take(&mut self.steps);
         let mut run = OnRows {
-            most: options.max_iterations.min(most),
             on,
             newton: self,
             dense,
@@ -333,7 +322,6 @@ struct OnRows<'r, 'a, P> {
     on: &'r mut Island<'a, P>,
     newton: &'r mut Newton,
     dense: bool,
-    most: u32,
     terms: Terms,
     report: SolveReport,
 }
@@ -357,7 +345,7 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         if report.converged {
             x[..newton.at.phi.len()].copy_from_slice(&newton.at.phi);
         }
-        report.converged || !merit.is_finite() || iterations >= self.most
+        report.converged || !merit.is_finite() || iterations >= on.options.max_iterations
     }
 
     fn direction(&mut self, x: &[f64], merit: f64, shift: f64, step: &mut [f64]) -> bool {

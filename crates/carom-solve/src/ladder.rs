@@ -42,8 +42,6 @@ pub enum IslandWay {
     Linearised,
     /// Newton's method.
     Newton,
-    /// Newton's method for so many iterations from each of some companions.
-    Companions { polish: u32 },
     /// The convex problem beside the one that is stated: always solvable, and no more than near it.
     Companion,
 }
@@ -52,9 +50,7 @@ pub enum IslandWay {
 #[derive(Clone, Copy, Debug)]
 pub enum IslandWhen {
     Always,
-    /// More contacts than `dense_contacts`, no loads that depend on the motion.
-    Large,
-    /// Other means than Newton's method are allowed.
+    /// Other means than Newton's method are allowed, no loads that depend on the motion.
     Swept,
     /// The options take what is near a solution, no loads that depend on the motion.
     Last,
@@ -152,11 +148,10 @@ const fn round(relaxation: f64, patience: u32) -> Method {
 
 /// Islands of rows. Newton's method has as many iterations as the options say.
 #[rustfmt::skip]
-pub const ISLAND: [Rung<IslandWay, IslandWhen>; 4] = [
-    rung("linearised",          IslandWay::Linearised, 12,       IslandWhen::Large,  "hyperstatic islands, where Newton goes round in circles"),
-    rung("newton",              IslandWay::Newton,     u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
-    rung("companions",          IslandWay::Companions { polish: 15 }, 3,  IslandWhen::Swept, "Newton goes round in circles: starts with the right statuses"),
-    rung("companion",           IslandWay::Companion,  12,       IslandWhen::Last,   "no solution, or none that is found: what slides moves apart"),
+pub const ISLAND: [Rung<IslandWay, IslandWhen>; 3] = [
+    rung("newton",     IslandWay::Newton,     u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
+    rung("linearised", IslandWay::Linearised, 12,       IslandWhen::Swept,  "hyperstatic islands, where Newton goes round in circles"),
+    rung("companion",  IslandWay::Companion,  12,       IslandWhen::Last,   "no solution, or none that is found: what slides moves apart"),
 ];
 
 /// Problems `u = W r + q`.

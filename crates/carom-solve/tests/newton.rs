@@ -269,7 +269,7 @@ fn failure_is_reported() {
     };
     let s = solve(&mut system, &mut problem, &hopeless);
     assert!(!s.report.converged);
-    assert_eq!(s.report.rung, "companions");
+    assert_eq!(s.report.rung, "linearised");
     // What is left is the best there is, inside its cones.
     assert!(s.violation < 1e-9, "{}", s.violation);
     system.z0[0] = f64::NAN;
@@ -292,7 +292,7 @@ const WEDGED: [Row; 5] = [
 /// Two grains between a floor, a rim and a third one, from a heap that was poured: five contacts, of which friction makes one
 /// row too many. Newton and sweeps go round in circles at 4 % of what is asked in all rungs.
 #[test]
-fn wedged_balls_are_solved_from_a_companion() {
+fn wedged_balls_are_solved_linearised() {
     let (radius, density) = (2.5e-3, 2500.0);
     let mass = density * 4.0 / 3.0 * std::f64::consts::PI * radius * radius * radius;
     let mut system = RowSystem::default();
@@ -319,6 +319,6 @@ fn wedged_balls_are_solved_from_a_companion() {
     }
     let s = solve(&mut system, &mut Linear, &sharp());
     assert!(s.report.converged, "{:?}", s.report);
-    assert_eq!(s.report.rung, "companions");
+    assert_eq!(s.report.rung, "linearised");
     assert!(s.violation < 1e-9 * largest(&s.u), "{:e}", s.violation);
 }

@@ -95,11 +95,12 @@ fn balls_in_a_pile_stay_on_a_slope_or_roll_down() {
     }
 }
 
-/// As `agree.rs` has it without moments: the frame of the end of a step makes differences of first order in h (now and then a contact
-/// that opens a step later makes more of them).
+/// As `agree.rs` has it without moments: the frame of the end of a step makes differences of first order in h. Now and then a contact
+/// that opens a step later makes more of them, so what four drops differ by is added up.
 #[test]
 fn rolling_piles_and_exact_solvers_agree() {
-    for seed in [24, 25] {
+    let mut sums = [[0.0; 3]; 2];
+    for seed in [20, 21, 24, 25] {
         let run = |h: f64, pile_contacts: u32| {
             let input = rough(drop(80, 4, [0.4, 0.0], seed), RHO, DELTA);
             let o = Options {
@@ -126,10 +127,14 @@ fn rolling_piles_and_exact_solvers_agree() {
         });
         assert!(coarse[0] < 1e-4 * R && coarse[1] < 1e-3, "{coarse:?}");
         assert!(coarse[2] < 2e-3, "{coarse:?}");
-        // 4 at first order.
         for k in 1..3 {
-            assert!(coarse[k] > 2.5 * fine[k], "{coarse:?} {fine:?}");
+            sums[0][k] += coarse[k];
+            sums[1][k] += fine[k];
         }
+    }
+    // 4 at first order.
+    for k in 1..3 {
+        assert!(sums[0][k] > 2.5 * sums[1][k], "{sums:?}");
     }
 }
 

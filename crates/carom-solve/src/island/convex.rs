@@ -1,4 +1,4 @@
-//! Islands by Newton's method from convex companions ([`companion`]), and by the companion alone, linearised where the normals have turned.
+//! Islands by their convex companion ([`companion`]), linearised where the normals have turned.
 
 use super::{Island, Newton};
 use crate::companion;
@@ -13,49 +13,7 @@ const TURNED: f64 = 1e-9;
 const CLOSING: f64 = 1e-3;
 
 impl Newton {
-    /// Companions whose sliders are pressed together by what the last one moved them apart, and from each Newton's method for so many iterations.
-    pub(super) fn companions<P: Subproblem>(
-        &mut self,
-        on: &mut Island<P>,
-        [most, polish]: [u32; 2],
-        x: &mut Vec<f64>,
-    ) -> SolveReport {
-        let mut total = SolveReport::default();
-        let mut apart = vec![0.0; on.system.contacts.len()];
-        let (mut start, mut polished) = (x.clone(), Vec::new());
-        let mut least = f64::INFINITY;
-        self.evaluate(on, &start);
-        for _ in 0..most {
-            let stated = [1.0, companion::SIGMA_OF_START];
-            let Some(size) = self.solve_companion(on, &apart, stated, &mut start) else {
-                break;
-            };
-            polished.clone_from(&start);
-            let mut report = self.iterate(on, polish, &mut polished);
-            if report.converged && self.closes(on.system, size) {
-                // No solution, and no iterate to take either.
-                (report.converged, report.residual) = (false, f64::INFINITY);
-            }
-            total.add(&report);
-            if report.converged || report.residual < least {
-                least = report.residual;
-                x.clone_from(&polished);
-            }
-            if report.converged {
-                return total;
-            }
-            self.evaluate(on, &start);
-            for (apart, c) in apart.iter_mut().zip(&on.system.contacts) {
-                *apart = companion::moved_apart(&c.bounds, &self.at.z[c.rows()]);
-            }
-        }
-        // What is left is the best there is.
-        let terms = self.evaluate(on, x);
-        total.residual = on.relative(&terms);
-        total
-    }
-
-    /// The companion alone.
+    /// The companion.
     pub(super) fn companion<P: Subproblem>(
         &mut self,
         on: &mut Island<P>,
@@ -68,13 +26,11 @@ impl Newton {
         let Some(friction) = on.options.companion else {
             return total;
         };
-        let stated = [friction, companion::SIGMA_OF_ANSWER];
-        let nothing = vec![0.0; on.system.contacts.len()];
         let mut closes = false;
         self.evaluate(on, x);
         for _ in 0..most {
             let free = on.system.free(&self.at.z, &x[rows..]);
-            let Some(size) = self.solve_companion(on, &nothing, stated, x) else {
+            let Some(size) = self.solve_companion(on, friction, x) else {
                 return total;
             };
             // Of the linear problem.
@@ -107,21 +63,12 @@ impl Newton {
         contacts.any(|c| self.at.z[c.row as usize] < -CLOSING * size)
     }
 
-    /// Solves the companion linearised at `x`, where all is evaluated, with contacts `apart` by so much more; the largest measure without forces.
-    fn solve_companion<P>(
-        &mut self,
-        on: &Island<P>,
-        apart: &[f64],
-        as_stated: [f64; 2],
-        x: &mut [f64],
-    ) -> Option<f64> {
+    /// Solves the companion linearised at `x`, where all is evaluated; the largest measure without forces.
+    fn solve_companion<P>(&mut self, on: &Island<P>, friction: f64, x: &mut [f64]) -> Option<f64> {
         let (lambda, u) = x.split_at_mut(on.system.rows());
-        let mut free = on.system.free(&self.at.z, u);
+        let free = on.system.free(&self.at.z, u);
         let size = free.iter().fold(0.0f64, |most, q| most.max(q.abs()));
-        for (apart, c) in apart.iter().zip(&on.system.contacts) {
-            free[c.row as usize] += apart;
-        }
-        let solved = companion::solve(on.system, &free, as_stated, lambda);
+        let solved = companion::solve(on.system, &free, friction, lambda);
         on.system.correction(lambda, u);
         solved.then_some(size)
     }
