@@ -278,9 +278,9 @@ options! {
     line_search: bool = true,
     /// Reductions per iteration.
     max_line_search: u32 = 10,
-    /// 0: Newton's method alone in islands of up to `dense_contacts`. Other numbers: convex companions where it fails.
+    /// 0: Newton's method alone in islands that are no piles. Other numbers: other methods where it fails.
     gauss_seidel_sweeps: u32 = 15,
-    /// Islands of up to this many contacts are solved dense, with the exact Hessian; larger ones by `auto` of `carom solve`.
+    /// Islands of up to this many contacts have a dense matrix, with the exact Hessian.
     dense_contacts: u32 = 10,
     /// Islands of more contacts than this are solved by sweeps over spheres, from the impulses of the last step (`auto` takes over
     /// where these do not converge); with a `pile_tolerance` of 1e-5 and more all those above `dense_contacts` are.

@@ -54,6 +54,9 @@ const SHIFT_FLOOR_LARGE: f64 = 1e-2;
 /// Last merits (1) that a new one may reach. With 1 steps across a change of status are cut to nothing; with many, Newton's
 /// method goes round in circles until its iterations are spent.
 const MEMORY: usize = 5;
+/// Iterations (1) that do not halve the least merit after which steps are halved. Small: steps across a change of status take more
+/// iterations; large: circles of two statuses of 3 to 9 contacts are left to the next rung.
+const PATIENCE: u32 = 6;
 /// Nodes (1) up to which an island with loads that depend on the motion has a dense matrix. Only time hangs on it.
 const DENSE_NODES: usize = 24;
 /// Share (1) of the first residual below which a dense system is tried without shift: quadratic from there. With 1 the shift is
@@ -236,6 +239,7 @@ impl Newton {
             memory: MEMORY,
             start_counts: if nothing { None } else { Some(false) },
             max_line_search: options.max_line_search,
+            patience: PATIENCE,
         };
         let mut steps = std::mem::take(&mut self.steps);
         let mut run = OnRows {

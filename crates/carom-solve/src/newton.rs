@@ -31,6 +31,9 @@ pub(crate) struct Rule {
     pub start_counts: Option<bool>,
     /// Step-length reductions per iteration; 0 switches the line search off.
     pub max_line_search: u32,
+    /// Iterations that did not halve the least merit after which steps begin at half of their length: iterates that go round in
+    /// circles leave them.
+    pub patience: u32,
 }
 
 /// Memory of the method.
@@ -49,6 +52,7 @@ impl Steps {
         let mut merits = [0.0; MEMORY];
         let mut merit = on.evaluate(x);
         let first = merit.max(rule.least);
+        let (mut least, mut since_better) = (merit, 0);
         while !on.stop(x, merit, iterations) {
             merits[iterations as usize % rule.memory] = match rule.start_counts {
                 None if iterations == 0 => f64::INFINITY,
@@ -64,22 +68,32 @@ impl Steps {
             iterations += 1;
             let known = &merits[..(iterations as usize).min(rule.memory)];
             let bound = known.iter().fold(0.0f64, |m, &x| m.max(x));
-            merit = self.advance(on, x, bound, rule.max_line_search, &mut reductions);
+            let longest = if since_better < rule.patience {
+                1.0
+            } else {
+                0.5
+            };
+            let search = [longest, bound];
+            merit = self.advance(on, x, search, rule.max_line_search, &mut reductions);
+            since_better += 1;
+            if merit < 0.5 * least {
+                (least, since_better) = (merit, 0);
+            }
         }
         [iterations, reductions]
     }
 
-    /// Takes the step, halved while the merit exceeds those of the last iterates. If no length helps the best one tried is taken:
+    /// Takes the step from its longest length on, halved while the merit exceeds the bound. If no length helps the best one tried is taken:
     /// the merit is only piecewise smooth and may have to rise across a change of status.
     fn advance(
         &mut self,
         on: &mut impl Equations,
         x: &mut [f64],
-        bound: f64,
+        [longest, bound]: [f64; 2],
         most: u32,
         reductions: &mut u32,
     ) -> f64 {
-        let (mut length, mut best) = (1.0, (f64::INFINITY, 1.0));
+        let (mut length, mut best) = (longest, (f64::INFINITY, longest));
         let (mut tries, mut last) = (0, most == 0);
         loop {
             for (t, (x, d)) in self.trial.iter_mut().zip(x.iter().zip(&self.step)) {

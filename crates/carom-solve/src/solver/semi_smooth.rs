@@ -20,6 +20,7 @@ const RULE: Rule = Rule {
     memory: 6,
     start_counts: Some(true),
     max_line_search: 8,
+    patience: u32::MAX,
 };
 /// Factor (1) on the shift where the matrix was singular.
 const SHIFT_GROWTH: f64 = 1e3;

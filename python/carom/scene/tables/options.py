@@ -113,7 +113,7 @@ OPTIONS: dict[str, Option] = {
     ),
     "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),
     "dense_contacts": Option(
-        "largest island, in contacts, solved by the dense exact Newton method; larger ones by `auto`",
+        "largest island, in contacts, that Newton's method solves with a dense, exact matrix",
         _COUNT_OR_NONE,
     ),
     "pile_contacts": Option(
@@ -121,7 +121,7 @@ OPTIONS: dict[str, Option] = {
         _COUNT_OR_NONE,
     ),
     "gauss_seidel_sweeps": Option(
-        "0: Newton's method alone in islands of up to dense_contacts; other numbers: convex companions where it fails",
+        "0: Newton's method alone in islands that are no piles; other numbers: other methods where it fails",
         _COUNT_OR_NONE,
     ),
     "max_halvings": Option(
