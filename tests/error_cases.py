@@ -228,6 +228,13 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             f'[[lattice]]\nname = "l"\n{SPHERE}counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n',
         )
     ],
+    '... under gravity make a pile: position_friction = "paper" takes ... times as long as "once"': [
+        (
+            "run.position_friction",
+            'step = 1e-3 -> step = 1e-3\npile_tolerance = 1e-4\nposition_friction = "paper"\n'
+            f'[[lattice]]\nname = "l"\n{SPHERE}counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n',
+        )
+    ],
     "a ... has no periodic axes": [
         (
             "packing",

@@ -96,6 +96,18 @@ def test_a_pile_is_told_which_tolerance_suits_its_size(layers: int, tolerance: f
     assert all("pile_tolerance = 0.0001" in advice for advice in found)
 
 
+@pytest.mark.parametrize("tolerance", [1e-7, 1e-4])
+def test_a_pile_is_told_of_the_printed_position_level(tolerance: float) -> None:
+    scene = grains(tolerance)
+    [once, paper] = (
+        {advice.key.removeprefix("run.") for advice in scene.with_options(position_friction=word).validate()}
+        for word in ("once", "paper")
+    )
+    assert "position_friction" not in once
+    assert paper == once | {"position_friction"}
+    assert ("pile_tolerance" in paper) is (tolerance < 1e-5)
+
+
 @pytest.mark.parametrize(
     ("rate", "start", "count", "told"),
     [
