@@ -239,22 +239,22 @@ def test_nothing_changes_in_a_run_whose_problems_are_kept(tmp_path: Path, until:
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("stored") / "run"
-    simulate(carom.Scene.from_toml(find("corner")), until=0.12, out=path, save_problems=[100, 110])
+    simulate(carom.Scene.from_toml(find("corner")), until=0.12, out=path, save_problems=[64, 110])
     return path
 
 
 def test_a_problem_of_a_run_is_found_again(stored: Path) -> None:
     files = kept_files(stored)
-    assert {file.step for file in files} == {100, 110}
+    assert {file.step for file in files} == {64, 110}
     for file in files:
         keys = {key: getattr(file, key) for key in ("step", "level", "island", "index", "part")}
         assert ContactProblem.from_run(stored, **keys).title.startswith(file.level)
     with pytest.raises(
-        ContactProblemError, match=r"\d+ contact problems with step=100; say which: step=100, level='"
+        ContactProblemError, match=r"\d+ contact problems with step=64; say which: step=64, level='"
     ):
-        ContactProblem.from_run(stored, step=100)
+        ContactProblem.from_run(stored, step=64)
     with pytest.raises(
-        ContactProblemError, match="no contact problem with step=3; there are those of steps 100, 110"
+        ContactProblemError, match="no contact problem with step=3; there are those of steps 64, 110"
     ):
         ContactProblem.from_run(stored, step=3)
 
