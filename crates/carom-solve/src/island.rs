@@ -252,7 +252,11 @@ impl Newton {
             terms: Terms::default(),
             report: SolveReport::default(),
         };
-        let [iterations, line_search] = steps.iterate(&mut run, x, &rule);
+        let [mut iterations, line_search] = steps.iterate(&mut run, x, &rule);
+        if run.report.converged && run.report.residual > FINE && iterations > 0 {
+            run.refine(x, rule.shift * rule.shift_floor);
+            iterations += run.report.iterations;
+        }
         let report = run.report;
         self.steps = steps;
         if report.converged {
@@ -336,6 +340,30 @@ struct OnRows<'r, 'a, P> {
     report: SolveReport,
 }
 
+impl<P: Subproblem> OnRows<'_, '_, P> {
+    /// One more step from a solution, if it is nearer: the last one is quadratic, and what rests does not creep by a coarse tolerance.
+    fn refine(&mut self, x: &mut [f64], shift: f64) {
+        let mut step = vec![0.0; x.len()];
+        if !self.direction(x, self.terms.residual, shift, &mut step) {
+            return;
+        }
+        step.iter_mut().zip(&*x).for_each(|(step, x)| *step += x);
+        self.evaluate(&step);
+        let residual = self.on.relative(&self.terms);
+        let closed = self
+            .newton
+            .gaps_closed(self.on.system, self.on.options, 0.0);
+        if residual < self.report.residual && closed {
+            x.copy_from_slice(&step);
+            self.report.residual = residual;
+            self.newton.history.push(residual);
+            self.report.iterations = 1;
+        } else {
+            self.evaluate(x);
+        }
+    }
+}
+
 impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
     fn evaluate(&mut self, x: &[f64]) -> f64 {
         self.terms = self.newton.evaluate(self.on, x);
@@ -349,16 +377,10 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         }
         report.residual = on.relative(&self.terms);
         newton.history.push(report.residual);
-        let before = std::mem::replace(
-            &mut report.converged,
-            merit.is_finite()
-                && report.residual < on.options.tolerance
-                && newton.gaps_closed(on.system, on.options, 0.0),
-        );
-        // The last step is quadratic: one more of it costs little, and what rests does not creep by a coarse tolerance.
-        let fine = report.residual < FINE || before || iterations == 0;
-        let ends = report.converged && fine;
-        ends || !merit.is_finite() || iterations >= on.options.max_iterations
+        report.converged = merit.is_finite()
+            && report.residual < on.options.tolerance
+            && newton.gaps_closed(on.system, on.options, 0.0);
+        report.converged || !merit.is_finite() || iterations >= on.options.max_iterations
     }
 
     fn direction(&mut self, x: &[f64], merit: f64, shift: f64, step: &mut [f64]) -> bool {
