@@ -159,6 +159,7 @@ def test_command_prints_a_table_with_all_methods() -> None:
 def test_command_refuses_what_it_does_not_know() -> None:
     for arguments, told in (
         (["--methods", "nsga,euler"], "no method is called 'euler'"),
+        (["--laws", "sequense"], "no impact law is called 'sequense'; did you mean"),
         (["--at", "soon"], "no time in s"),
         (["--set", "stepp=1"], "write step="),
     ):

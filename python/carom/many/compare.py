@@ -242,6 +242,9 @@ def compare(
         if methods is not None:
             raise CaromError("give methods or laws, not both; a method with a law is named as nsga+poisson")
         found = list(LAWS) if laws == "all" else [laws] if isinstance(laws, str) else list(laws)
+        for law in found:
+            if law not in LAWS:
+                raise CaromError(f"no impact law is called {law!r}; {did_you_mean(law, list(LAWS))}")
         methods = [f"{scene.run.method}+{law}" for law in found]
     names, remarks = (
         _able(scene) if methods is None else ([methods] if isinstance(methods, str) else list(methods), ())
