@@ -21,7 +21,11 @@ __version__ = "fake"
 COUNTS = (
     "iterations_smooth iterations_position iterations_velocity line_search_position line_search_velocity"
     " impact_problems contacts islands largest_island fallbacks truncated unconverged halvings missed_impacts"
-    " relisted"
+    " relisted candidates entered handovers removed stepped substeps sweeps_position sweeps_velocity"
+)
+NUMBERS = (
+    "residual_position residual_velocity residual_smooth penetration penetration_relative substep_min"
+    " energy_in energy_out energy_work"
 )
 
 
@@ -170,7 +174,7 @@ class Simulation:
             "step": np.array([r[0] for r in rows], np.uint64),
             "time": np.array([r[1] for r in rows], float),
         }
-        found |= {name: np.zeros(s) for name in ("residual_position", "residual_velocity", "penetration")}
+        found |= {name: np.zeros(s) for name in NUMBERS.split()}
         found["energy_kinetic"] = np.array([r[3] for r in rows], float)
         found["energy_potential"] = np.array([r[4] for r in rows], float)
         return found | {"restitution_scale": np.ones(s), "iterations_velocity": hits, "impact_problems": hits}

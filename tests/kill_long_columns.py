@@ -42,7 +42,7 @@ def write(folder: Path, rows: int, batch: int) -> list[Path]:
         directory.next_segment(),
         bodies={"name": ["a", "b", "c"]},
         planes={"name": []},
-        attributes={},
+        attributes={"step": 1e-3, "every": 1, "gravity": np.zeros(3)},
         further=directory.next_segment,
     )
     for start in range(0, rows, batch):

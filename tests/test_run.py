@@ -27,6 +27,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+ATTRIBUTES = {"step": 1e-3, "every": 1, "gravity": np.zeros(3)}
+"""What every file says of itself."""
+
 
 @pytest.fixture
 def scene(monkeypatch: pytest.MonkeyPatch) -> fake_sim.Scene:
@@ -149,7 +152,9 @@ def test_the_file_can_be_read_while_it_is_written_and_explains_itself(scene: Any
 
 def test_only_what_was_committed_is_read(scene: Any, tmp_path: Path) -> None:
     simulation = fake_sim.Simulation(scene.to_model())
-    writer = Writer(tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes={})
+    writer = Writer(
+        tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes=ATTRIBUTES
+    )
     writer.append(simulation.advance(100, 1, True, 9.0))
     committed = writer.commit()
     assert committed.frames == 100
@@ -170,7 +175,9 @@ def test_only_what_was_committed_is_read(scene: Any, tmp_path: Path) -> None:
 
 def test_a_block_torn_by_a_kill_is_an_error_and_no_wait_for_ever(scene: Any, tmp_path: Path) -> None:
     """HDF5 takes it for the work of a living writer and would read on, with pauses that double, for longer than a life."""
-    writer = Writer(tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes={})
+    writer = Writer(
+        tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes=ATTRIBUTES
+    )
     writer.append(fake_sim.Simulation(scene.to_model()).advance(100, 1, True, 9.0))
     writer.commit()
     content = bytearray((tmp_path / "x.h5").read_bytes())  # as a killed process leaves it
@@ -197,7 +204,9 @@ def test_a_block_torn_by_a_kill_is_an_error_and_no_wait_for_ever(scene: Any, tmp
 def test_columns_are_data(scene: Any, tmp_path: Path) -> None:
     block = dict(fake_sim.Simulation(scene.to_model()).advance(10, 1, True, 9.0))
     block["steps"] = {**block["steps"], "novelty": np.arange(20, dtype=np.int16).reshape(10, 2)}
-    writer = Writer(tmp_path / "x.h5", bodies={"name": ["one"]}, planes={"name": ["bed"]}, attributes={})
+    writer = Writer(
+        tmp_path / "x.h5", bodies={"name": ["one"]}, planes={"name": ["bed"]}, attributes=ATTRIBUTES
+    )
     writer.append(block)
     writer.close()
     column = Segments([tmp_path / "x.h5"]).column("steps", "novelty")

@@ -253,7 +253,9 @@ impl Newton {
             report: SolveReport::default(),
         };
         let [mut iterations, line_search] = steps.iterate(&mut run, x, &rule);
-        if run.report.converged && run.report.residual > FINE && iterations > 0 {
+        // Not where Newton's method alone is asked for: its iterations are the paper's then.
+        let coarse = run.report.residual > FINE && options.companion.is_some();
+        if run.report.converged && coarse && iterations > 0 {
             run.refine(x, rule.shift * rule.shift_floor);
             iterations += run.report.iterations;
         }
