@@ -256,8 +256,7 @@ impl Newton {
         // Not where Newton's method alone is asked for: its iterations are the paper's then.
         let coarse = run.report.residual > FINE && options.companion.is_some();
         if run.report.converged && coarse && iterations > 0 {
-            run.refine(x, rule.shift * rule.shift_floor);
-            iterations += run.report.iterations;
+            iterations += u32::from(run.refine(x, rule.shift * rule.shift_floor));
         }
         let report = run.report;
         self.steps = steps;
@@ -314,7 +313,7 @@ impl Newton {
     }
 
     /// Whether what is pressed is closed and nothing overlaps, as far as the options ask for it. `share` of the friction moves apart what slides
-    /// (convex companions alone).
+    /// (the convex companion alone).
     fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions, share: f64) -> bool {
         options.gap_tolerance.is_infinite()
             || system.contacts.iter().all(|c| {
@@ -344,10 +343,11 @@ struct OnRows<'r, 'a, P> {
 
 impl<P: Subproblem> OnRows<'_, '_, P> {
     /// One more step from a solution, if it is nearer: the last one is quadratic, and what rests does not creep by a coarse tolerance.
-    fn refine(&mut self, x: &mut [f64], shift: f64) {
+    /// Whether it was taken.
+    fn refine(&mut self, x: &mut [f64], shift: f64) -> bool {
         let mut step = vec![0.0; x.len()];
         if !self.direction(x, self.terms.residual, shift, &mut step) {
-            return;
+            return false;
         }
         step.iter_mut().zip(&*x).for_each(|(step, x)| *step += x);
         self.evaluate(&step);
@@ -355,14 +355,15 @@ impl<P: Subproblem> OnRows<'_, '_, P> {
         let closed = self
             .newton
             .gaps_closed(self.on.system, self.on.options, 0.0);
-        if residual < self.report.residual && closed {
+        let nearer = residual < self.report.residual && closed;
+        if nearer {
             x.copy_from_slice(&step);
             self.report.residual = residual;
             self.newton.history.push(residual);
-            self.report.iterations = 1;
         } else {
             self.evaluate(x);
         }
+        nearer
     }
 }
 
