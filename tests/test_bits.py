@@ -1,4 +1,4 @@
-"""The short cases of `tools/bits.py` give the bits that are kept in the repository, on the processor named there."""
+"""The short cases of `tools/bits.py` give the bits that are kept in the repository, or the processor is another one."""
 
 from __future__ import annotations
 
