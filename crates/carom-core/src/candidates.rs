@@ -16,12 +16,15 @@ const RELIST_MARGIN: f64 = 5e-2;
 /// Pairs that a thread looks at before it takes more. Speed alone.
 const PAIRS: usize = 8_192;
 
-/// A list that reached its limit has lost pairs: nothing may be concluded from it.
-pub(crate) fn complete(list: &carom_geom::NeighbourList) -> Result<(), Failure> {
-    if list.is_truncated() {
-        return Err(Failure::TooManyPairs);
+/// Brings the list of pairs to the needs of the spheres. One that reached its limit has lost pairs: nothing may be concluded from it.
+#[inline]
+pub(crate) fn list(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
+    let (list, walls) = (&mut scratch.neighbours, &scratch.walls.now);
+    list.refresh(&state.position, &model.radius, walls, &scratch.need);
+    match list.is_truncated() {
+        true => Err(Failure::TooManyPairs),
+        false => Ok(()),
     }
-    Ok(())
 }
 
 /// A pair that is near, with the gap (m) at the positions that were asked for and the law of its materials.
@@ -34,14 +37,8 @@ struct NearPair {
 
 /// Turns listed pairs into candidate contacts, with frames of t_n.
 pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
-    let Scratch {
-        contacts,
-        neighbours,
-        position,
-        walls,
-        ..
-    } = scratch;
-    let (pairs, margin) = (neighbours.pairs(), CANDIDATE_MARGIN);
+    let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
+    let (pairs, margin) = (scratch.neighbours.pairs(), CANDIDATE_MARGIN);
     if pairs.len() <= PAIRS {
         let mut count = 0;
         for &pair in pairs {
@@ -255,17 +252,9 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
         let pushed = shift.iter().map(|s| s[0].length_squared());
         pushed.fold(0.0, team::larger)
     };
-    let largest = team::reduce(
-        threads,
-        scratch.shift.len(),
-        &scratch.shift[..],
-        pushed,
-        team::larger,
-    );
-    if largest == 0.0 {
-        return Ok(false);
-    }
-    if 2.0 * largest.sqrt() < CANDIDATE_MARGIN * scratch.smallest {
+    let shift = &scratch.shift[..];
+    let largest = team::reduce(threads, shift.len(), shift, pushed, team::larger);
+    if largest == 0.0 || 2.0 * largest.sqrt() < CANDIDATE_MARGIN * scratch.smallest {
         return Ok(false);
     }
     join_overlapping(model, state, scratch)
@@ -275,31 +264,23 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
 #[inline(never)]
 fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
     let threads = model.options.threads as usize;
-    let Scratch {
-        contacts,
-        neighbours,
-        position,
-        need,
-        shift,
-        linear,
-        walls,
-        ..
-    } = scratch;
     // In a pile what is pushed pushes on: pairs that come near join with those that overlap, or every round would take the
     // front of a wave one ball further.
-    let margin = if contacts.len() > model.options.pile_contacts as usize {
+    let margin = if scratch.contacts.len() > model.options.pile_contacts as usize {
         RELIST_MARGIN
     } else {
         0.0
     };
-    team::fill(threads, need, |i| {
+    let (linear, shift) = (&scratch.linear, &scratch.shift);
+    team::fill(threads, &mut scratch.need, |i| {
         let way = linear[i].displacement + shift[i][0];
         let near = margin.max(CANDIDATE_MARGIN) * model.radius[i];
         state.need(model, i, way.length() + near)
     });
-    neighbours.refresh(&state.position, &model.radius, &walls.now, need);
-    complete(neighbours)?;
-    let found = for_each_share(model, neighbours.pairs(), |pairs, found| {
+    list(model, state, scratch)?;
+    let (contacts, position) = (&mut scratch.contacts, &scratch.position);
+    let (walls, linear) = (&scratch.walls, &scratch.linear);
+    let found = for_each_share(model, scratch.neighbours.pairs(), |pairs, found| {
         // Both lists are sorted by key.
         let from = match pairs.first() {
             Some(first) => contacts.partition_point(|c| (c.a, c.b) < *first),

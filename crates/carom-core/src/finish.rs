@@ -6,10 +6,10 @@ use crate::force::total::{motion_of, power, weight_potential};
 use crate::model::Model;
 use crate::options::Method;
 use crate::outcome::Failure;
-use crate::report::StepReport;
 use crate::rotation;
 use crate::scratch::Scratch;
 use crate::state::State;
+use crate::stepper::method::Step;
 use crate::stepper::{Coefficients, Prediction, Span};
 use carom_solve::team;
 use glam::{DQuat, DVec3};
@@ -33,28 +33,18 @@ impl Sums {
 }
 
 /// Ends a step, or finds that its motion left the numbers.
-pub(crate) fn finish(
-    model: &Model,
-    state: &mut State,
-    scratch: &mut Scratch,
-    coefficients: &Coefficients,
-    span: Span,
-    report: &mut StepReport,
-) -> Result<(), Failure> {
+pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
+    let (model, coefficients, span) = (on.model, on.coefficients, on.span);
+    let (state, scratch, report) = (&mut *on.state, &mut *on.scratch, &mut *on.report);
     let sums = end_motion(model, state, scratch, coefficients);
     let mut potential = sums.potential;
     if !(sums.watch.is_calm(span.h) && (sums.kinetic + potential).is_finite()) {
         blow_up::find(model, state, scratch, span.h)?;
     }
     if model.record_walls {
-        let Scratch {
-            walls,
-            position,
-            contacts,
-            wall_impulse,
-            ..
-        } = scratch;
-        report.energy_work = walls.collect(model, state, position, contacts, wall_impulse);
+        let (position, contacts) = (&scratch.position, &scratch.contacts);
+        let impulses = &mut scratch.wall_impulse;
+        report.energy_work = (scratch.walls).collect(model, state, position, contacts, impulses);
     }
     write(model, state, scratch);
     if !model.is_free() {
@@ -90,15 +80,12 @@ fn end_motion(
     scratch: &mut Scratch,
     coefficients: &Coefficients,
 ) -> Sums {
-    let Scratch {
-        linear,
-        angular,
-        jump,
-        position,
-        ..
-    } = scratch;
     let (threads, n) = (model.options.threads as usize, model.spheres());
-    let whole = (&mut linear[..n], &mut angular[..n], &mut jump[..n]);
+    let whole = (
+        &mut scratch.linear[..n],
+        &mut scratch.angular[..n],
+        &mut scratch.jump[..n],
+    );
     type Slices<'a> = (
         &'a mut [Prediction],
         &'a mut [Prediction],
@@ -106,7 +93,7 @@ fn end_motion(
     );
     // Of one length, which is checked here and not for every sphere.
     let (mass, inertia, present) = (&model.mass[..n], &model.inertia[..n], &state.present[..n]);
-    let (from, to) = (&state.position[..n], &position[..n]);
+    let (from, to) = (&state.position[..n], &scratch.position[..n]);
     let end = |first: usize, (linear, angular, jump): Slices| {
         let mut sums = Sums::default();
         for (k, i) in (first..first + linear.len()).enumerate() {
@@ -167,23 +154,15 @@ fn add_smooth_reactions(
     scratch: &mut Scratch,
     coefficients: &Coefficients,
 ) {
-    let Scratch {
-        smooth,
-        joint_reaction,
-        ..
-    } = scratch;
+    let (smooth, total) = (&scratch.smooth, &mut scratch.joint_reaction);
     if model.options.method != Method::Nsga {
-        smooth.add_reactions(model, coefficients.h, joint_reaction);
+        smooth.add_reactions(model, coefficients.h, total);
         return;
     }
     let mut reactions = vec![[DVec3::ZERO; 2]; model.joints.len()];
     smooth.add_reactions(model, 1.0, &mut reactions);
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
-    for ((now, kept), total) in reactions
-        .iter()
-        .zip(&mut state.reaction)
-        .zip(joint_reaction)
-    {
+    for ((now, kept), total) in reactions.iter().zip(&mut state.reaction).zip(total) {
         let [last, pseudo] = *kept;
         for k in 0..2 {
             // Reactions instead of accelerations: the "velocity" is the impulse.

@@ -7,20 +7,14 @@ use crate::level::speeds::{opening, Speeds};
 use crate::model::Model;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::wall::places::{proximity, Walls};
+use crate::wall::places::proximity_at;
 use carom_solve::team;
-use glam::DVec3;
 
 /// Finds the contacts whose loads are solved, with their normals where the smooth step ends: those that touch there, and those that loads may close
 /// in the step of size `h`, being within their reach at t_n and separating by no more than they may bring back.
 pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64) {
-    let Scratch {
-        linear,
-        position,
-        contacts,
-        walls,
-        ..
-    } = scratch;
+    let (contacts, walls) = (&mut scratch.contacts, &scratch.walls);
+    let (linear, position) = (&scratch.linear, &scratch.position);
     let touching = model.options.touching_tolerance;
     let threads = model.options.threads as usize;
     team::each(threads, contacts, |c| {
@@ -40,7 +34,7 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
         let slow = model.options.closing_tolerance_speed * speeds.speed;
         c.resting = meets || opening(model, state, walls, c) <= speeds.load + slow;
         if c.resting {
-            let p = place(model, walls, c, position);
+            let p = proximity_at(model, walls, c, position);
             c.turn_to(p.normal);
             (c.gap, c.load_normal) = (p.gap, p.normal);
         }
@@ -62,40 +56,26 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
     }
 }
 
-fn place(model: &Model, walls: &Walls, c: &Contact, position: &[DVec3]) -> carom_geom::Proximity {
-    let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-    proximity(model, walls, c, position[c.a as usize], xb)
-}
-
 /// Where the loads bring the spheres: `(h/2) W0` in place of the jumps W0, and the positions that follow.
 pub(crate) fn advance(model: &Model, state: &State, scratch: &mut Scratch, h: f64) {
-    let Scratch {
-        linear,
-        position,
-        load_shift,
-        contacts,
-        ..
-    } = scratch;
     let (threads, half) = (model.options.threads as usize, 0.5 * h);
-    team::each(threads, load_shift, |way| *way = way.map(|w0| half * w0));
-    team::each(threads, contacts, |c| {
+    team::each(threads, &mut scratch.load_shift, |way| {
+        *way = way.map(|w0| half * w0);
+    });
+    team::each(threads, &mut scratch.contacts, |c| {
         c.moved = c.load.map(|load| half * load);
     });
-    team::fill(threads, position, |i| {
+    let (linear, load_shift) = (&scratch.linear, &scratch.load_shift);
+    team::fill(threads, &mut scratch.position, |i| {
         state.position[i] + linear[i].displacement + load_shift[i][0]
     });
 }
 
 /// Gaps and normals at the positions from which they are corrected.
 pub(crate) fn meet(model: &Model, scratch: &mut Scratch) {
-    let Scratch {
-        position,
-        contacts,
-        walls,
-        ..
-    } = scratch;
-    team::each(model.options.threads as usize, contacts, |c| {
-        let p = place(model, walls, c, position);
+    let (walls, position) = (&scratch.walls, &scratch.position);
+    team::each(model.options.threads as usize, &mut scratch.contacts, |c| {
+        let p = proximity_at(model, walls, c, position);
         (c.gap, c.n1) = (p.gap, p.normal);
     });
 }

@@ -117,6 +117,12 @@ impl Model {
         self.radius.len()
     }
 
+    /// Kinetic energy of sphere `i` with these velocities, J.
+    #[inline]
+    pub fn kinetic(&self, i: usize, v: DVec3, w: DVec3) -> f64 {
+        0.5 * (self.mass[i] * v.length_squared() + self.inertia[i] * w.length_squared())
+    }
+
     /// Number of walls whose impulses are summed up: all or none.
     pub fn recorded_walls(&self) -> usize {
         if self.record_walls {

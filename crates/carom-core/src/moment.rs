@@ -5,6 +5,7 @@
 
 use crate::candidates::push_candidate;
 use crate::contact::ContactKey;
+use crate::level::Demand;
 use crate::model::Model;
 use crate::outcome::Failure;
 use crate::report::StepReport;
@@ -68,7 +69,7 @@ pub fn impact(
     }
     let span = Span::new(time, h);
     let before = scratch.impacts.len();
-    correct_velocities(model, state, scratch, span, report, false)?;
+    correct_velocities(model, state, scratch, span, Demand::Converged, report)?;
     // What the loads alone gave has no size: it is no impact.
     let mut row = 0;
     scratch.impacts.retain(|impact| {

@@ -1,6 +1,7 @@
 //! What a step, and a run, tell about themselves.
 
 use crate::flow::Exchange;
+use crate::islands::Islands;
 use crate::outcome::{Failure, Level};
 use carom_solve::SolveReport;
 
@@ -138,6 +139,16 @@ impl StepReport {
         self.line_search_velocity = self.line_search_velocity.max(r.line_search);
         self.residual_velocity = self.residual_velocity.max(r.residual);
         self.fallbacks += u32::from(r.fallback);
+    }
+
+    /// Counts the islands of closed contacts.
+    pub fn count(&mut self, islands: &Islands) {
+        (self.contacts, self.islands, self.largest_island) = (0, 0, 0);
+        for members in islands.sizes() {
+            self.contacts += members;
+            self.islands += u32::from(members > 0);
+            self.largest_island = self.largest_island.max(members);
+        }
     }
 
     /// Takes in what entered and left after the step.

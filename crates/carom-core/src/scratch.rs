@@ -2,6 +2,7 @@
 
 use crate::contact::Contact;
 use crate::flow::Left;
+use crate::force::LoadError;
 use crate::impact::ImpactScratch;
 use crate::islands::Islands;
 use crate::level::coupling::Trial;
@@ -62,7 +63,7 @@ pub struct Scratch {
     pub keeper: Keeper,
     pub pile: Pile,
     /// What a load said that failed.
-    pub load_error: Option<crate::force::LoadError>,
+    pub load_error: Option<LoadError>,
     /// Impulse at the joint and moment on sphere A of every joint in the step: both levels, N s and N m s.
     pub joint_reaction: Vec<[DVec3; 2]>,
     /// Impulse on every wall in the step and its moment about the wall's place, N s and N m s; empty unless recorded.

@@ -12,8 +12,9 @@ use crate::record::{Block, Recorder};
 use crate::report::{Monitors, Outcome, StepReport, Unsolved};
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::{step, Attempt, Stepper};
-use crate::stepper::{moreau, Coefficients};
+use crate::step::step;
+use crate::stepper::method::{Step, Stepper};
+use crate::stepper::{moreau, Coefficients, Span};
 use crate::timers::{Phase, Timers};
 use crate::wall::places::Walls;
 use carom_geom::Overlap;
@@ -93,9 +94,7 @@ impl Simulation {
         }
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
         for i in 0..model.spheres() {
-            kinetic += 0.5
-                * (model.mass[i] * state.velocity[i].length_squared()
-                    + model.inertia[i] * state.angular_velocity[i].length_squared());
+            kinetic += model.kinetic(i, state.velocity[i], state.angular_velocity[i]);
             if state.present[i] {
                 potential += weight_potential(&model, i, state.position[i]);
             }
@@ -265,23 +264,26 @@ impl Simulation {
             return self.halves(depth + 1, t, recording, report);
         }
         self.scratch.keeper.part += u32::from(depth > 0);
-        let attempt = Attempt {
-            coefficients: self.coefficients[depth as usize],
-            time: t,
+        let (coefficients, accept) = (
+            &self.coefficients[depth as usize],
+            options.on_nonconvergence,
+        );
+        let span = Span {
             smallest,
-            accept_unconverged: smallest
-                && self.model.options.on_nonconvergence == OnNonconvergence::Warn,
+            ..Span::new(t, coefficients.h)
         };
         let (number, time) = (report.step, report.time);
         let mut make = |report: &mut StepReport| {
-            self.stepper.step(
-                &self.model,
-                &mut self.state,
-                &mut self.scratch,
-                &mut self.timers,
-                &attempt,
+            self.stepper.step(&mut Step {
+                model: &self.model,
+                state: &mut self.state,
+                scratch: &mut self.scratch,
+                timers: &mut self.timers,
                 report,
-            )
+                coefficients,
+                span,
+                accept_unconverged: smallest && accept == OnNonconvergence::Warn,
+            })
         };
         // A whole step tells of itself, a part of one beside what the others told.
         let (made, part) = if depth == 0 {

@@ -3,7 +3,6 @@
 use crate::step::Run;
 use carom_core::force::total::weight_potential;
 use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
-use carom_core::scratch::Scratch;
 use carom_core::StepReport;
 
 impl Run<'_> {
@@ -22,20 +21,15 @@ impl Run<'_> {
         self.events
             .sums
             .hand_over(model, self.state, &mut self.scratch.contacts);
-        let Scratch {
-            islands, contacts, ..
-        } = &mut *self.scratch;
+        let (islands, contacts) = (&mut self.scratch.islands, &self.scratch.contacts);
         islands.build(n, contacts, &[], |_| true);
         let (state, report) = (&*self.state, &mut *self.report);
         report.candidates = contacts.len() as u32;
-        report.contacts = contacts.len() as u32;
-        report.islands = islands.len() as u32;
-        report.largest_island = islands.sizes().max().unwrap_or(0);
+        report.count(islands);
         let [mut kinetic, mut potential] = self.scratch.left.exchange.energy_out;
         for i in 0..n {
             let (v, w) = (state.velocity[i], state.angular_velocity[i]);
-            kinetic +=
-                0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
+            kinetic += model.kinetic(i, v, w);
             if state.present[i] {
                 potential += weight_potential(model, i, state.position[i]);
             }

@@ -4,7 +4,6 @@ use crate::step::{Events, Run, JOINS};
 use carom_core::contact::ContactKey;
 use carom_core::moment::impact;
 use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
-use carom_core::scratch::Scratch;
 use carom_core::transition::Kind;
 
 impl Run<'_> {
@@ -34,25 +33,13 @@ impl Run<'_> {
                 return Err(Failure::BlowUp(what));
             }
         }
-        let Scratch {
-            impacts,
-            impact_times,
-            contacts,
-            walls,
-            wall_impulse,
-            ..
-        } = &mut *self.scratch;
-        impact_times.resize(before, self.span.start + t);
-        impact_times.resize(impacts.len(), self.span.start + t);
-        self.events.sums.add(contacts);
-        if self.model.record_walls {
-            walls.collect(
-                self.model,
-                self.state,
-                &self.state.position,
-                contacts,
-                wall_impulse,
-            );
+        let (model, state, scratch) = (self.model, &*self.state, &mut *self.scratch);
+        let impacts = scratch.impacts.len();
+        scratch.impact_times.resize(impacts, self.span.start + t);
+        self.events.sums.add(&scratch.contacts);
+        if model.record_walls {
+            let (contacts, impulses) = (&scratch.contacts, &mut scratch.wall_impulse);
+            (scratch.walls).collect(model, state, &state.position, contacts, impulses);
         }
         let before_it = group.iter().map(|&i| {
             let motion = &self.events.motions[i];

@@ -8,8 +8,9 @@ use carom_core::flow::exchange::is_out;
 use carom_core::flow::Left;
 use carom_core::outcome::{Failure, ImpactRecord};
 use carom_core::scratch::Scratch;
-use carom_core::step::{step, Attempt};
-use carom_core::stepper::Coefficients;
+use carom_core::step::step;
+use carom_core::stepper::method::Step;
+use carom_core::stepper::{Coefficients, Span};
 use carom_core::timers::Timers;
 use carom_core::transition::{Kind, Mode, Transition};
 use carom_core::StepReport;
@@ -95,22 +96,21 @@ impl Run<'_> {
     /// One step of `nsga`; where it fails two of half the size, as in a run.
     fn steps(&mut self, now: f64, h: f64, depth: u32) -> Result<(), Failure> {
         let model = &self.events.stepping;
-        let attempt = Attempt {
-            coefficients: Coefficients::new(model.options.spectral_radius, h),
-            time: self.span.start + now,
-            smallest: depth >= model.options.max_halvings,
-            accept_unconverged: false,
-        };
         let mut part = StepReport::new(self.report.step, self.report.time);
         let kept = Kept::take(self.scratch);
-        let made = step(
+        let made = step(&mut Step {
             model,
-            self.state,
-            self.scratch,
-            &mut Timers::default(),
-            &attempt,
-            &mut part,
-        );
+            state: self.state,
+            scratch: self.scratch,
+            timers: &mut Timers::default(),
+            report: &mut part,
+            coefficients: &Coefficients::new(model.options.spectral_radius, h),
+            span: Span {
+                smallest: depth >= model.options.max_halvings,
+                ..Span::new(self.span.start + now, h)
+            },
+            accept_unconverged: false,
+        });
         if made.is_ok() {
             self.events.sums.add(&self.scratch.contacts);
         }

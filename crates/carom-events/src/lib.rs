@@ -6,7 +6,7 @@
 //! `group.rs` has impacts, `handover.rs` what has no closed form, `close.rs` the end of a step. `check.rs` says what it cannot do. `docs/theory/events.md` states
 //! all of it.
 //!
-//! To the core this is a [`Stepper`](carom_core::step::Stepper) like any other: what it calls a step is the time between two reports. It keeps
+//! To the core this is a [`Stepper`](carom_core::stepper::method::Stepper) like any other: what it calls a step is the time between two reports. It keeps
 //! nothing from one to the next but the state.
 
 mod carry;

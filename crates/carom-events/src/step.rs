@@ -8,9 +8,9 @@ use carom_core::contact::ContactKey;
 use carom_core::flow::exchange::take_out;
 use carom_core::outcome::Failure;
 use carom_core::scratch::Scratch;
-use carom_core::step::{Attempt, Stepper};
+use carom_core::stepper::method::{Step, Stepper};
 use carom_core::stepper::Span;
-use carom_core::timers::{Phase, Timers};
+use carom_core::timers::Phase;
 use carom_core::transition::{Kind, Mode, Transition};
 use carom_core::{Model, State, StepReport};
 use glam::DVec3;
@@ -47,33 +47,24 @@ impl Events {
 }
 
 impl Stepper for Events {
-    fn step(
-        &mut self,
-        model: &Model,
-        state: &mut State,
-        scratch: &mut Scratch,
-        timers: &mut Timers,
-        attempt: &Attempt,
-        report: &mut StepReport,
-    ) -> Result<(), Failure> {
-        let kept = state.clone();
-        scratch.begin_step();
-        scratch.wall_impulse.fill([DVec3::ZERO; 2]);
-        let span = Span::new(attempt.time, attempt.coefficients.h);
+    fn step(&mut self, on: &mut Step) -> Result<(), Failure> {
+        let kept = on.state.clone();
+        on.scratch.begin_step();
+        on.scratch.wall_impulse.fill([DVec3::ZERO; 2]);
         let mut run = Run {
-            model,
-            state,
-            scratch,
-            report,
+            model: on.model,
+            state: on.state,
+            scratch: on.scratch,
+            report: on.report,
             events: self,
-            span,
+            span: on.span,
             fastest: 0.0,
         };
         let made = run.all();
         if made.is_err() {
-            *state = kept;
+            *on.state = kept;
         }
-        timers.mark(Phase::Velocity);
+        on.timers.mark(Phase::Velocity);
         made
     }
 

@@ -5,7 +5,7 @@
 //! pair, `law.rs` has its constants, `forces.rs` its forces, `limit.rs` the substep that it admits, `records.rs` what it tells. `step.rs` makes the
 //! substeps. `docs/theory/penalty.md` states all of it.
 //!
-//! To the core this is a [`Stepper`](carom_core::step::Stepper) like any other: [`simulation`] hands it over.
+//! To the core this is a [`Stepper`](carom_core::stepper::method::Stepper) like any other: [`simulation`] hands it over.
 
 mod bodies;
 pub mod damping;

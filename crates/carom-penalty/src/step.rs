@@ -15,12 +15,12 @@
 use crate::limit::load_limit;
 use crate::method::Penalty;
 use carom_core::contact::CANDIDATE_MARGIN;
+use carom_core::force::evaluated;
 use carom_core::force::total::weight_potential;
-use carom_core::force::LoadError;
 use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
 use carom_core::rotation;
 use carom_core::scratch::Scratch;
-use carom_core::step::{Attempt, Stepper};
+use carom_core::stepper::method::{Step, Stepper};
 use carom_core::stepper::Span;
 use carom_core::timers::{Phase, Timers};
 use carom_core::{Model, State, StepReport};
@@ -32,18 +32,11 @@ use glam::DVec3;
 const MAX_SUBSTEPS: u32 = 1_000_000;
 
 impl Stepper for Penalty {
-    fn step(
-        &mut self,
-        model: &Model,
-        state: &mut State,
-        scratch: &mut Scratch,
-        timers: &mut Timers,
-        attempt: &Attempt,
-        report: &mut StepReport,
-    ) -> Result<(), Failure> {
+    fn step(&mut self, on: &mut Step) -> Result<(), Failure> {
+        let (model, span) = (on.model, on.span);
+        let (scratch, timers, report) = (&mut *on.scratch, &mut *on.timers, &mut *on.report);
         scratch.begin_step();
-        let span = Span::new(attempt.time, attempt.coefficients.h);
-        self.begin(model, state, scratch, span)?;
+        self.begin(model, on.state, scratch, span)?;
         timers.mark(Phase::Predict);
         self.accelerate();
         let mut left = span.h;
@@ -66,8 +59,8 @@ impl Stepper for Penalty {
                     report.penetration_relative.max(-pair.gap / pair.length);
             }
         }
-        self.finish(model, state, scratch, report)?;
-        self.write_state(state);
+        self.finish(model, on.state, scratch, report)?;
+        self.write_state(on.state);
         timers.mark(Phase::Finish);
         Ok(())
     }
@@ -87,9 +80,10 @@ impl Penalty {
         span: Span,
     ) -> Result<(), Failure> {
         scratch.wall_impulse.fill([DVec3::ZERO; 2]);
-        evaluated(scratch, self.bodies.walls.begin(model, span))?;
+        let said = &mut scratch.load_error;
+        evaluated(self.bodies.walls.begin(model, span), said)?;
         self.bodies.walls.place(model, span.start);
-        evaluated(scratch, self.take_state(model, state, span.start))?;
+        evaluated(self.take_state(model, state, span.start), said)?;
         self.set_needs(model, |_, _| 0.0);
         self.refresh(model, &mut scratch.neighbours)?;
         self.take_pairs(model, scratch.neighbours.pairs());
@@ -168,7 +162,7 @@ impl Penalty {
             pair.dissipate(&mut self.bodies, model, &elastic, tau, true);
         }
         if loaded {
-            evaluated(scratch, self.load(model, end - dt, 0.0))?;
+            evaluated(self.load(model, end - dt, 0.0), &mut scratch.load_error)?;
         }
         // The elastic and the loads' half of a kick commute; their mirrored order gives each its exact work.
         self.kick_by_contacts(tau);
@@ -192,9 +186,10 @@ impl Penalty {
 
         if loaded {
             // The second half is the mirror of the first: loads at the velocities after it, by two rounds of iteration.
-            evaluated(scratch, self.load(model, end, 0.0))?;
+            let said = &mut scratch.load_error;
+            evaluated(self.load(model, end, 0.0), said)?;
             self.accelerate();
-            evaluated(scratch, self.load(model, end, tau))?;
+            evaluated(self.load(model, end, tau), said)?;
         }
         self.accelerate();
         self.kick_by_loads(model, tau);
@@ -254,9 +249,7 @@ impl Penalty {
         report.energy_potential = potential;
         let (islands, contacts) = (&mut scratch.islands, &scratch.contacts);
         islands.build(model.spheres(), contacts, &[], |_| true);
-        report.contacts = contacts.len() as u32;
-        report.islands = islands.len() as u32;
-        report.largest_island = islands.sizes().max().unwrap_or(0);
+        report.count(islands);
         if model.record_walls {
             let (b, out) = (&self.bodies, &mut scratch.wall_impulse);
             b.walls.collect(model, state, &b.position, contacts, out);
@@ -270,8 +263,7 @@ impl Penalty {
         let (mut kinetic, mut potential) = (0.0, 0.0);
         for i in 0..model.spheres() {
             let [v, w] = self.bodies.motion[i];
-            kinetic +=
-                0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared());
+            kinetic += model.kinetic(i, v, w);
             if self.present[i] {
                 potential += weight_potential(model, i, self.bodies.position[i]);
             }
@@ -284,12 +276,4 @@ impl Penalty {
         }
         Ok((kinetic, potential))
     }
-}
-
-/// Keeps what a load said that could not be evaluated.
-fn evaluated(scratch: &mut Scratch, loads: Result<(), LoadError>) -> Result<(), Failure> {
-    loads.map_err(|error| {
-        scratch.load_error = Some(error);
-        Failure::Load
-    })
 }

@@ -44,7 +44,7 @@ pub(crate) fn exchange(
 fn energy(model: &Model, state: &State, i: usize) -> [f64; 2] {
     let (v, w) = (state.velocity[i], state.angular_velocity[i]);
     [
-        0.5 * (model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared()),
+        model.kinetic(i, v, w),
         weight_potential(model, i, state.position[i]),
     ]
 }

@@ -10,6 +10,7 @@ pub mod spring;
 pub mod total;
 
 use crate::joint::{Block6, Pose, Twist};
+use crate::outcome::Failure;
 use glam::{DQuat, DVec3};
 
 /// What a load may depend on. One entry per sphere in each array.
@@ -128,6 +129,18 @@ impl LoadError {
         let body = Some(body);
         LoadError { text, body }
     }
+}
+
+/// Keeps what a load said that could not be evaluated.
+#[inline]
+pub fn evaluated<T>(
+    loads: Result<T, LoadError>,
+    said: &mut Option<LoadError>,
+) -> Result<T, Failure> {
+    loads.map_err(|error| {
+        *said = Some(error);
+        Failure::Load
+    })
 }
 
 /// Refuses a coefficient that is not finite or negative.

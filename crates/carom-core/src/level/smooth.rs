@@ -4,14 +4,14 @@
 //! iteration, in closed form. Joints and other loads go to Newton's method (`smooth_newton.rs`).
 
 use super::smooth_newton::{place, Weights};
+use crate::force::evaluated;
 use crate::force::total::weight;
-use crate::force::LoadError;
 use crate::model::Model;
 use crate::outcome::{BlowUp, Failure, Level};
-use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
+use crate::stepper::method::Step;
 use crate::stepper::Coefficients;
 use carom_solve::team;
 
@@ -22,24 +22,28 @@ pub use super::smooth_newton::SmoothScratch;
 const TOLERANCE: f64 = 1e-10;
 
 /// Predicts every sphere and solves for the smooth accelerations and reactions of joints.
-pub fn solve(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    coefficients: &Coefficients,
-    time: f64,
-    report: &mut StepReport,
-) -> Result<(), Failure> {
+pub fn solve(on: &mut Step) -> Result<(), Failure> {
+    predict(on.model, on.state, on.scratch, on.coefficients);
+    on.report.iterations_smooth = 1;
+    if !on.model.is_free() {
+        iterate(on)?;
+    }
+    if !on.model.flow.is_none() {
+        hold_absent(on.state, on.scratch);
+    }
+    Ok(())
+}
+
+/// The motion under the weight alone.
+fn predict(model: &Model, state: &State, scratch: &mut Scratch, coefficients: &Coefficients) {
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
     let (threads, n) = (model.options.threads as usize, model.spheres());
-    let Scratch {
-        linear,
-        angular,
-        position,
-        ..
-    } = scratch;
-    let out = (&mut linear[..n], &mut angular[..n], &mut position[..n]);
-    let predict = |first: usize, (linear, angular, position): (&mut [_], &mut [_], &mut [_])| {
+    let out = (
+        &mut scratch.linear[..n],
+        &mut scratch.angular[..n],
+        &mut scratch.position[..n],
+    );
+    let each = |first: usize, (linear, angular, position): (&mut [_], &mut [_], &mut [_])| {
         for (k, i) in (first..first + linear.len()).enumerate() {
             let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
             let mut p = coefficients.predict(state.velocity[i], a, acc);
@@ -50,15 +54,7 @@ pub fn solve(
             angular[k] = coefficients.predict(state.angular_velocity[i], alpha, ang);
         }
     };
-    team::reduce(threads, n, out, predict, |(), ()| ());
-    report.iterations_smooth = 1;
-    if !model.is_free() {
-        iterate(model, state, scratch, coefficients, time, report)?;
-    }
-    if !model.flow.is_none() {
-        hold_absent(state, scratch);
-    }
-    Ok(())
+    team::reduce(threads, n, out, each, |(), ()| ());
 }
 
 /// Absent spheres stand still, whatever loads on all spheres would do to them.
@@ -71,48 +67,29 @@ fn hold_absent(state: &State, scratch: &mut Scratch) {
 }
 
 /// Newton's method from the motion under the weight.
-fn iterate(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    coefficients: &Coefficients,
-    time: f64,
-    report: &mut StepReport,
-) -> Result<(), Failure> {
+fn iterate(on: &mut Step) -> Result<(), Failure> {
+    let (model, coefficients) = (on.model, on.coefficients);
     let weights = Weights {
         acceleration: coefficients.acceleration_per_velocity(),
         displacement: coefficients.displacement_per_velocity(),
         velocity: 1.0,
-        time: time + coefficients.h,
+        time: on.span.end,
     };
     let tolerance = model.options.tolerance.min(TOLERANCE);
-    let Scratch {
-        smooth,
-        trial,
-        linear,
-        angular,
-        position,
-        history,
-        load_error,
-        ..
-    } = scratch;
-    let mut failed = |error: LoadError| {
-        *load_error = Some(error);
-        Failure::Load
-    };
-    smooth.begin(model, weights.time).map_err(&mut failed)?;
+    let (scratch, report) = (&mut *on.scratch, &mut *on.report);
+    let said = &mut scratch.load_error;
+    evaluated(scratch.smooth.begin(model, weights.time), said)?;
     for iteration in 0..=model.options.max_iterations {
-        place(state, linear, angular, trial);
+        let (linear, angular) = (&mut scratch.linear, &mut scratch.angular);
+        let (smooth, trial) = (&mut scratch.smooth, &mut scratch.trial);
+        place(on.state, linear, angular, trial);
         let acceleration = |i: usize| [linear[i].acceleration, angular[i].acceleration];
-        let relative = smooth
-            .evaluate(model, trial, acceleration, &weights)
-            .map_err(&mut failed)?;
-        history[0].values.push(relative);
+        let found = smooth.evaluate(model, trial, acceleration, &weights);
+        let relative = evaluated(found, said)?;
+        scratch.history[0].values.push(relative);
         report.residual_smooth = relative;
         if relative <= tolerance {
-            for (x, p) in position.iter_mut().zip(&trial.position) {
-                *x = *p;
-            }
+            scratch.position.copy_from_slice(&trial.position);
             return Ok(());
         }
         if !relative.is_finite() || iteration == model.options.max_iterations {
@@ -128,7 +105,7 @@ fn iterate(
         report.iterations_smooth = report.iterations_smooth.max(iteration + 1);
     }
     if !report.residual_smooth.is_finite() {
-        let body = smooth.worst(model).0;
+        let body = scratch.smooth.worst(model).0;
         return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, body)));
     }
     Err(Failure::NotConverged(Level::Smooth))

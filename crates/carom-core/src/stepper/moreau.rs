@@ -5,18 +5,19 @@
 //! run, and `x_{n+1} = x_n + h (theta v_{n+1} + (1 - theta) v_n)`. Nothing makes the gap itself vanish: what overlaps
 //! stays so unless the projection removes it. Joints are held at velocity level in the same way.
 
+use super::method::Step;
 use super::{Coefficients, Span};
-use crate::contact::{Contact, CANDIDATE_MARGIN};
+use crate::contact::CANDIDATE_MARGIN;
+use crate::force::evaluated;
 use crate::force::total::{add_loads, motion_of};
 use crate::level::Demand;
 use crate::model::Model;
 use crate::outcome::{BlowUp, Failure, Level};
-use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::step::{self, Attempt};
-use crate::timers::{Phase, Timers};
-use crate::wall::places::proximity;
+use crate::step;
+use crate::timers::Phase;
+use crate::wall::places::proximity_at;
 use crate::{candidates, finish, loads_once, travel};
 use carom_solve::Bounds;
 use glam::DVec3;
@@ -41,66 +42,49 @@ impl Coefficients {
 }
 
 /// Makes one step.
-pub fn step(
-    model: &Model,
-    state: &mut State,
-    scratch: &mut Scratch,
-    timers: &mut Timers,
-    attempt: &Attempt,
-    report: &mut StepReport,
-) -> Result<(), Failure> {
-    let Attempt {
-        coefficients,
-        time,
-        smallest,
-        accept_unconverged,
-    } = attempt;
-    let (h, end) = (coefficients.h, *time + coefficients.h);
+pub fn step(on: &mut Step) -> Result<(), Failure> {
+    let (model, whole, coefficients) = (on.model, on.span, on.coefficients);
     if !model.is_free() {
-        weigh_loads(model, state, scratch, *time)?;
+        weigh_loads(model, on.state, on.scratch, whole.start)?;
     }
-    let whole = Span::new(*time, h);
-    step::predict_and_smooth(model, state, scratch, coefficients, whole, report)?;
+    step::predict_and_smooth(on)?;
     for i in 0..model.spheres() {
-        scratch.position[i] = state.position[i] + 0.5 * h * state.velocity[i];
+        on.scratch.position[i] = on.state.position[i] + 0.5 * whole.h * on.state.velocity[i];
     }
-    timers.mark(Phase::Predict);
-    scratch.walls.place(model, *time + 0.5 * h);
-    let fastest = list_pairs(model, state, scratch)?;
-    travel::check(model, state, scratch, fastest)?;
-    timers.mark(Phase::Broad);
-    meet(model, state, scratch)?;
-    report.candidates = scratch.contacts.len() as u32;
-    timers.mark(Phase::Meet);
+    on.timers.mark(Phase::Predict);
+    on.scratch.walls.place(model, whole.start + 0.5 * whole.h);
+    let fastest = list_pairs(model, on.state, on.scratch)?;
+    travel::check(model, on.state, on.scratch, fastest)?;
+    on.timers.mark(Phase::Broad);
+    meet(model, on.state, on.scratch)?;
+    on.report.candidates = on.scratch.contacts.len() as u32;
+    on.timers.mark(Phase::Meet);
     // Joints and loads are taken at q-check, where the smooth motion has them already.
-    for i in 0..model.spheres() {
-        scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
-    }
-    let weight = coefficients.displacement_per_velocity;
-    let weighted = if model.is_free() { h } else { weight };
+    move_by_predictions(on.state, on.scratch);
+    let weight = coefficients.displacement_per_velocity();
+    let weighted = if model.is_free() { whole.h } else { weight };
     let span = Span {
-        smallest: *smallest,
-        start: end - weighted,
-        end,
+        start: whole.end - weighted,
         h: weighted,
+        ..whole
     };
-    let corrected =
-        step::correct_velocities(model, state, scratch, span, report, *accept_unconverged);
+    let demand = Demand::or_accepted(on.accept_unconverged);
+    let corrected = step::correct_velocities(model, on.state, on.scratch, span, demand, on.report);
     // Before an error is passed on: its time is that of its own phase.
-    timers.mark(Phase::Velocity);
+    on.timers.mark(Phase::Velocity);
     corrected?;
-    advance(model, state, scratch, weight);
-    scratch.walls.place(model, end);
-    let span = whole;
-    let closed = close(model, state, scratch, span, report, *accept_unconverged);
-    timers.mark(Phase::Position);
+    advance(model, on.state, on.scratch, weight);
+    on.scratch.walls.place(model, whole.end);
+    on.span.smallest = false;
+    let closed = close(on, demand);
+    on.timers.mark(Phase::Position);
     closed?;
     // The smooth reactions of joints act with the weight of the new values.
-    for lambda in &mut scratch.smooth.lambda {
-        *lambda *= weight / h;
+    for lambda in &mut on.scratch.smooth.lambda {
+        *lambda *= weight / whole.h;
     }
-    finish::finish(model, state, scratch, coefficients, span, report)?;
-    timers.mark(Phase::Finish);
+    finish::finish(on)?;
+    on.timers.mark(Phase::Finish);
     Ok(())
 }
 
@@ -113,11 +97,8 @@ fn weigh_loads(
     time: f64,
 ) -> Result<(), Failure> {
     let mut wrench = vec![[DVec3::ZERO; 2]; model.spheres()];
-    let at = motion_of(state, time);
-    if let Err(error) = add_loads(model, &at, &mut wrench) {
-        scratch.load_error = Some(error);
-        return Err(Failure::Load);
-    }
+    let added = add_loads(model, &motion_of(state, time), &mut wrench);
+    evaluated(added, &mut scratch.load_error)?;
     for (i, [force, moment]) in wrench.into_iter().enumerate() {
         let pair = [
             model.gravity + model.inv_mass[i] * force,
@@ -132,6 +113,13 @@ fn weigh_loads(
     Ok(())
 }
 
+/// Spheres where their predictions lead.
+fn move_by_predictions(state: &State, scratch: &mut Scratch) {
+    for (i, p) in scratch.linear.iter().enumerate() {
+        scratch.position[i] = state.position[i] + p.displacement;
+    }
+}
+
 /// Lists every pair that may overlap at `scratch.position`. The largest way of a sphere in its smooth motion, m.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64, Failure> {
     let mut fastest = 0.0f64;
@@ -140,31 +128,18 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
         let smooth = scratch.linear[i].displacement.length();
         fastest = fastest.max(smooth);
         let way = (scratch.position[i] - state.position[i]).length();
-        let way = way.max(smooth);
-        let need = way + CANDIDATE_MARGIN * model.radius[i];
+        let need = way.max(smooth) + CANDIDATE_MARGIN * model.radius[i];
         scratch.need[i] = state.need(model, i, need);
     }
-    scratch.neighbours.refresh(
-        &state.position,
-        &model.radius,
-        &scratch.walls.now,
-        &scratch.need,
-    );
-    candidates::complete(&scratch.neighbours)?;
+    candidates::list(model, state, scratch)?;
     Ok(fastest)
 }
 
 /// The closed contacts: gap at the midpoint within the touching tolerance, with the frame of the midpoint.
 fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
-    let Scratch {
-        contacts,
-        neighbours,
-        position,
-        walls,
-        ..
-    } = scratch;
+    let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     contacts.clear();
-    for &pair in neighbours.pairs() {
+    for &pair in scratch.neighbours.pairs() {
         let margin = model.options.touching_tolerance;
         if !candidates::push_candidate(model, state, walls, position, pair, margin, contacts)? {
             continue;
@@ -173,9 +148,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
         let c = &mut contacts[last];
         c.closed = true;
         if !(c.is_wall(model) && model.wall(c.b).is_fixed_plane()) {
-            let a = position[c.a as usize];
-            let b = position.get(c.b as usize).copied().unwrap_or(a);
-            let n = proximity(model, walls, c, a, b).normal;
+            let n = proximity_at(model, walls, c, position).normal;
             let (t1, t2) = carom_geom::tangent_frame(n);
             (c.n0, c.n1, c.t1, c.t2) = (n, n, t1, t2);
         }
@@ -189,30 +162,23 @@ fn advance(model: &Model, state: &State, scratch: &mut Scratch, theta_h: f64) {
         let [linear, angular] = scratch.jump[i];
         scratch.linear[i].displacement += theta_h * linear;
         scratch.angular[i].displacement += theta_h * angular;
-        scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
     }
+    move_by_predictions(state, scratch);
 }
 
 /// Gaps at `x_{n+1}`: of the step's contacts and of all pairs that overlap, so that penetration is reported; with
 /// `position_projection` it is removed.
-fn close(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    span: Span,
-    report: &mut StepReport,
-    accept: bool,
-) -> Result<(), Failure> {
-    std::mem::swap(&mut scratch.contacts, &mut scratch.overlaps);
-    scratch.contacts.clear();
-    let closed = if model.options.position_projection {
-        project(model, state, scratch, span, report, accept)
+fn close(on: &mut Step, demand: Demand) -> Result<(), Failure> {
+    std::mem::swap(&mut on.scratch.contacts, &mut on.scratch.overlaps);
+    on.scratch.contacts.clear();
+    let closed = if on.model.options.position_projection {
+        project(on, demand)
     } else {
-        overlapping(model, state, scratch, 0.0).map(|_| ())
+        overlapping(on.model, on.state, on.scratch, 0.0).map(|_| ())
     };
-    std::mem::swap(&mut scratch.contacts, &mut scratch.overlaps);
+    std::mem::swap(&mut on.scratch.contacts, &mut on.scratch.overlaps);
     closed?;
-    merge(model, scratch);
+    merge(on.model, on.scratch);
     Ok(())
 }
 
@@ -225,15 +191,9 @@ fn overlapping(
     margin: f64,
 ) -> Result<bool, Failure> {
     list_pairs(model, state, scratch)?;
-    let Scratch {
-        contacts,
-        neighbours,
-        position,
-        walls,
-        ..
-    } = scratch;
+    let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     let known = contacts.len();
-    for &pair in neighbours.pairs() {
+    for &pair in scratch.neighbours.pairs() {
         let listed = contacts[..known]
             .binary_search_by_key(&pair, |c| (c.a, c.b))
             .is_ok();
@@ -250,59 +210,41 @@ fn overlapping(
 
 /// The position sub-problem (eqs. 1c-e) at `x_{n+1}`, without friction: the nearest positions, measured by mass, at
 /// which nothing overlaps and joints hold. Velocities stay as they are.
-fn project(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    span: Span,
-    report: &mut StepReport,
-    accept: bool,
-) -> Result<(), Failure> {
-    overlapping(model, state, scratch, CANDIDATE_MARGIN)?;
+fn project(on: &mut Step, demand: Demand) -> Result<(), Failure> {
+    let model = on.model;
+    overlapping(model, on.state, on.scratch, CANDIDATE_MARGIN)?;
     for round in 0..=step::MAX_RELIST {
-        for i in 0..model.spheres() {
-            scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
-            scratch.shift[i] = [DVec3::ZERO; 2];
+        move_by_predictions(on.state, on.scratch);
+        on.scratch.shift.fill([DVec3::ZERO; 2]);
+        on.scratch.contacts.iter_mut().for_each(|c| c.nu = [0.0; 6]);
+        loads_once::meet(model, on.scratch);
+        step::solve_positions(on, demand)?;
+        for (x, shift) in on.scratch.position.iter_mut().zip(&on.scratch.shift) {
+            *x += shift[0];
         }
-        scratch.contacts.iter_mut().for_each(|c| c.nu = [0.0; 6]);
-        loads_once::meet(model, scratch);
-        let demand = Demand::or_accepted(accept);
-        step::solve_positions(model, state, scratch, span, report, demand)?;
-        for i in 0..model.spheres() {
-            scratch.position[i] += scratch.shift[i][0];
-        }
-        gaps(model, scratch, |c, gap| c.gap = gap);
-        if !overlapping(model, state, scratch, -model.options.gap_tolerance)? {
+        take_gaps(model, on.scratch);
+        let margin = -model.options.gap_tolerance;
+        if !overlapping(model, on.state, on.scratch, margin)? {
             return Ok(());
         }
-        report.relisted += u32::from(round < step::MAX_RELIST);
+        on.report.relisted += u32::from(round < step::MAX_RELIST);
     }
     Err(Failure::NotConverged(Level::Position))
 }
 
 /// Hands every contact its gap at `scratch.position`.
-fn gaps(model: &Model, scratch: &mut Scratch, mut take: impl FnMut(&mut Contact, f64)) {
-    let Scratch {
-        contacts,
-        position,
-        walls,
-        ..
-    } = scratch;
-    for c in contacts.iter_mut() {
-        let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
-        let gap = proximity(model, walls, c, position[c.a as usize], xb).gap;
-        take(c, gap);
+fn take_gaps(model: &Model, scratch: &mut Scratch) {
+    for c in &mut scratch.contacts {
+        c.gap = proximity_at(model, &scratch.walls, c, &scratch.position).gap;
     }
 }
 
 /// Final gaps and position multipliers of the step's contacts; pairs that are none and overlap, or were pushed, join.
 fn merge(model: &Model, scratch: &mut Scratch) {
-    gaps(model, scratch, |c, gap| c.gap = gap);
-    let Scratch {
-        contacts, overlaps, ..
-    } = scratch;
+    take_gaps(model, scratch);
+    let contacts = &mut scratch.contacts;
     let settled = contacts.len();
-    for o in overlaps.iter() {
+    for o in &scratch.overlaps {
         match contacts[..settled].binary_search_by_key(&(o.a, o.b), |c| (c.a, c.b)) {
             Ok(at) => contacts[at].nu = o.nu,
             Err(_) if o.nu[0] > 0.0 || o.gap < 0.0 => contacts.push(*o),

@@ -276,3 +276,10 @@ pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3
         model.periodic.sphere_sphere(xa, ra, xb, rb)
     }
 }
+
+/// The same with the spheres at `position`.
+#[inline(always)]
+pub fn proximity_at(model: &Model, walls: &Walls, c: &Contact, position: &[DVec3]) -> Proximity {
+    let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
+    proximity(model, walls, c, position[c.a as usize], xb)
+}
