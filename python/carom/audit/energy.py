@@ -22,7 +22,7 @@ from carom.audit import groups, reactions
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.forces import pushes, speeds, together
-from carom.audit.loads import of_loads, remembered, solved_again
+from carom.audit.loads import of_loads, remembered
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
@@ -169,7 +169,6 @@ def _balance(block: Block, tally: Tally) -> None:
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
     bound = summed(_forced(block), solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top
-    bound = bound + (solved_again(block) * norm(run.gravity))[:, None]
     # Groups on record may have been solved together, and what that leaves is in the size of all of them.
     squares = (
         np.bincount(c.k, moved**2, minlength=block.count),

@@ -56,6 +56,8 @@ class Sums:
     shift_moments: tuple[F64, F64]
     shift_turned: F64
     """What these may be off by, N m s^2."""
+    shift_again: F64
+    """Levers by which what loads change by in a step (`loads.solved_again`) may turn a body besides, m."""
     count: F64
     """Contacts of the body."""
 
@@ -92,11 +94,11 @@ def of_contacts(block: Block) -> Sums:
 
     shift = collect(pushed, -pushed)
     turned_by, shifted_by = moments(both, c.moment), moments(shifted, c.position_moment)
-    unknown = np.zeros(len(c))
+    unknown, again = np.zeros((2, len(c)))
     if run.loads_once:
-        unknown = loads_once.unknown_across(block, shift)
+        arm, unknown, again = loads_once.turns(block, shift)
         turned_by = (moment(loads_once.arms(block), c.moment),) * 2
-        shifted_by = (moment(*loads_once.turns(block, shift)),) * 2
+        shifted_by = (moment(arm, c.position_moment),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
     ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]
     couple = norm(c.moment)
@@ -110,6 +112,7 @@ def of_contacts(block: Block) -> Sums:
         shift_size=collect(norm(pushed), norm(pushed)),
         shift_moments=shifted_by,
         shift_turned=collect(ra * unknown, rb * unknown),
+        shift_again=collect(ra * again, rb * again),
         count=collect(np.ones(len(c)), np.ones(len(c))),
     )
 

@@ -108,10 +108,58 @@ def arms(block: Block) -> F64:
     return np.asarray(cross(c.normal, c.impulse - loads) + along_mean(loads, firsts(block), c.normal).arm)
 
 
-def turns(block: Block, shift: F64) -> tuple[F64, F64]:
-    """(K, 3) twice: `n x` what moved the bodies of each contact, and the moments beside it, N s^2 and N m s^2."""
-    c = block.rows
-    return along_mean(c.position_impulse, *_solved_at(block, shift)).arm, c.position_moment
+class Turns(NamedTuple):
+    """What turned the bodies of each contact at the position level."""
+
+    arm: F64
+    """(K, 3) `n x` what moved them across the frame of the loads, N s^2."""
+    unknown: F64
+    """(K,) by how much that may be off, N s^2."""
+    again: F64
+    """(K,) and which share of what loads change by where they are solved again (`loads.solved_again`)."""
+
+
+def turns(block: Block, shift: F64) -> Turns:
+    """What moved a contact's bodies is `(h/2) P0` in the frame of the loads, and the rest along its last normal. Across that
+    normal the rest is what loads have changed by since, but for the share of its frame's normal.
+
+    Where `P0` is not on record, or joints and loads that depend on the motion may have moved the bodies too, all of it is
+    taken for the loads.
+    """
+    c, run = block.rows, block.run
+    first, then = _solved_at(block, shift)
+    middle = unit(first + then)
+    loads, known = _of_step(block)
+    normal, slide = parts(loads, unit(first + c.normal))
+    both = middle + unit(first + c.normal)
+    slide = slide - (dot(slide, both) / (0.5 * dot(both, both)))[:, None] * both  # turned the shortest way
+    slide = 0.5 * run.h * slide
+    rest = c.position_impulse - slide - (0.5 * run.h * normal)[:, None] * middle
+    slide = slide + parts(rest, c.normal)[1]
+    apart = norm(cross(middle, c.normal))
+    return Turns(
+        np.where(known[:, None], cross(middle, slide), along_mean(c.position_impulse, first, then).arm),
+        np.where(known, 0.0, unknown_across(block, shift)),
+        np.where(known, apart, 1.0),
+    )
+
+
+def _of_step(block: Block) -> tuple[F64, Bool]:
+    """(K, 3) impulses of the loads of a whole step, those that impacts took back too, and whether they are on record, with
+    the normals that they had.
+    """
+    c, run = block.rows, block.run
+    if not run.has_impacts:
+        return c.impulse, np.zeros(len(c), dtype=bool)
+    r, struck = hits.of_block(block), groups.struck(block)[c.k, c.a]
+    found = np.where(struck[:, None], 0.0, c.impulse)
+    contact, known = r.contacts(block)
+    rows = known & (r.problem == 0)
+    rows[rows] = struck[contact[rows]]
+    add_at(found, (contact[rows],), r.impulse[rows])
+    answers = np.append(run.answering, False)
+    moved = answers[c.a] | answers[np.minimum(c.b, run.bodies)]
+    return found, block.single[c.k] & ~moved & ~(struck & block.summed[c.k])
 
 
 def holds_gap(block: Block, shift: F64) -> Bool:

@@ -144,7 +144,7 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
         c = block.rows
         tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
                       lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))  # fmt: skip
-    left = block.left(norm(block.rows.position_impulse)) + block.floor + solved_again(block)
+    left = block.left(norm(block.rows.position_impulse)) + block.floor
     left = left[:, None] / run.mass
     reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
     turned = np.where(block.piled[:, None], forces.bent(block) / run.mass, 0.0)
@@ -167,15 +167,14 @@ def _rotation(block: Block, s: Sums, loads: Loads, touched: Bool) -> tuple[list[
         rotation_vector(product(conjugate(exponential(psi + m / inertia)), turned)) for m in s.shift_moments
     ]
     bound = _rounding(block) * (4.0 + norm(dt * block.w0)) + loads.shift_slack[..., 1]
-    bound = bound + s.shift_turned / inertia[:, 0]
+    bound = bound + (s.shift_turned + s.shift_again * solved_again(block)[:, None]) / inertia[:, 0]
     bound = bound + np.where(
         single[:, None],
         0.0,
         (norm(loads.impulse[..., 3:]) + loads.spread[..., 1]) / inertia[:, 0] * block.dt[:, None],
     )
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
-    floor = block.floor + solved_again(block)
-    left = (block.left(size)[:, None] + floor[:, None] * run.radius) / inertia[:, 0]
+    left = (block.left(size)[:, None] + block.floor[:, None] * run.radius) / inertia[:, 0]
     left = left + np.where(block.piled[:, None], forces.bent(block) * run.radius / inertia[:, 0], 0.0)
     struck = forces.strokes(block)[1] * block.dt[:, None]
     reach = 2.0 * (struck + s.shift_size * run.radius) / inertia[:, 0]
