@@ -35,8 +35,25 @@ impl Cell for u64 {
 /// Rows of the step table that stay in the nearest cache while they are taken apart.
 const ROWS: usize = 64;
 
+/// How a number takes in another one of its kind, by its rule: the larger, the smaller, the sum; or not at all.
+macro_rules! take {
+    (max, $type:ty, $own:expr, $other:expr) => {
+        $own = $own.max($other)
+    };
+    (min, $type:ty, $own:expr, $other:expr) => {
+        $own = $own.min($other)
+    };
+    (sum, $type:ty, $own:expr, $other:expr) => {
+        $own += <$type>::from($other)
+    };
+    (spread, $type:ty, $own:expr, $other:expr) => {
+        $own.add($other)
+    };
+    (own, $type:ty, $own:expr, $($other:expr)?) => {};
+}
+
 macro_rules! step_report {
-    ($($(#[$doc:meta])* $name:ident: $type:ty),+ $(,)?) => {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $rule:ident),+ $(,)?) => {
         /// One row of the step table.
         #[derive(Clone, Copy, Debug, Default)]
         pub struct StepReport { $($(#[$doc])* pub $name: $type),+ }
@@ -51,68 +68,74 @@ macro_rules! step_report {
                 }
                 vec![$((stringify!($name), Cell::column($name))),+]
             }
+
+            /// Takes in what solves of islands told elsewhere, or an earlier part of the step: largest values and sums, in no order.
+            pub(crate) fn join(&mut self, other: &StepReport) {
+                $(take!($rule, $type, self.$name, other.$name);)+
+                self.take_substeps(other.substeps, other.substep_min);
+            }
         }
     };
 }
 
 step_report! {
     /// Number of the step on the original grid (1 is the first).
-    step: u64,
+    step: u64 = own,
     /// Time at its end, s.
-    time: f64,
+    time: f64 = own,
     /// Newton iterations: largest of any island (and impact problem); a closed form counts 1.
-    iterations_smooth: u32,
-    iterations_position: u32,
-    iterations_velocity: u32,
+    iterations_smooth: u32 = max,
+    iterations_position: u32 = max,
+    iterations_velocity: u32 = max,
     /// Step-length reductions, largest of any solve.
-    line_search_position: u32,
-    line_search_velocity: u32,
+    line_search_position: u32 = max,
+    line_search_velocity: u32 = max,
     /// Impact problems of the island that needed most, the resting solve (stage 0) among them.
-    impact_problems: u32,
+    impact_problems: u32 = max,
     /// Gauss-Seidel sweeps of the pile that needed most.
-    sweeps_position: u32,
-    sweeps_velocity: u32,
+    sweeps_position: u32 = max,
+    sweeps_velocity: u32 = max,
     /// Candidate contacts, closed contacts, islands with a closed contact, closed contacts of the largest island.
-    candidates: u32,
-    contacts: u32,
-    islands: u32,
-    largest_island: u32,
+    candidates: u32 = own,
+    contacts: u32 = own,
+    islands: u32 = own,
+    largest_island: u32 = own,
     /// Relative residual of eq. 44 at the end, worst solve.
-    residual_smooth: f64,
-    residual_position: f64,
-    residual_velocity: f64,
+    residual_smooth: f64 = max,
+    residual_position: f64 = max,
+    residual_velocity: f64 = max,
     /// Energies after the step, J.
-    energy_kinetic: f64,
-    energy_potential: f64,
+    energy_kinetic: f64 = own,
+    energy_potential: f64 = own,
     /// Work of loads without a potential and of prescribed motion in the step, J.
-    energy_work: f64,
+    energy_work: f64 = sum,
     /// Energy of the balls that entered and left after the step, J, and their numbers.
-    energy_in: f64,
-    energy_out: f64,
-    entered: u32,
-    removed: u32,
+    energy_in: f64 = own,
+    energy_out: f64 = own,
+    entered: u32 = own,
+    removed: u32 = own,
     /// Largest penetration after the step, m, and over r_c.
-    penetration: f64,
-    penetration_relative: f64,
+    penetration: f64 = max,
+    penetration_relative: f64 = max,
     /// Solves that needed a later rung of the chain, impact sequences cut short, solves accepted unconverged.
-    fallbacks: u32,
-    truncated: u32,
-    unconverged: u32,
+    fallbacks: u32 = sum,
+    truncated: u32 = sum,
+    unconverged: u32 = sum,
     /// How often this step was halved.
-    halvings: u32,
+    halvings: u32 = sum,
     /// Contacts found overlapping while separating: the step was too long to see them.
-    missed_impacts: u32,
+    missed_impacts: u32 = sum,
     /// Position solves repeated because a new pair overlapped.
-    relisted: u32,
+    relisted: u32 = sum,
     /// Smallest factor of the energy safeguard (1: never needed).
-    restitution_scale: f64,
+    restitution_scale: f64 = min,
     /// Parts of the step and the smallest, s: the substeps of method `penalty`; with others the parts into which a step was
     /// cut so that nothing passes through anything, 0 where it was not.
-    substeps: u32,
-    substep_min: f64,
+    substeps: u32 = own,
+    substep_min: f64 = own,
     /// How often method `events` handed the motion to steps of `nsga`, and for how long in all, s.
-    handovers: u32,
-    stepped: f64,
+    handovers: u32 = sum,
+    stepped: f64 = sum,
 }
 
 impl StepReport {
@@ -186,37 +209,8 @@ impl StepReport {
 
     /// Merges the second half of a halved step into the first.
     pub fn merge(&mut self, later: &StepReport) {
-        let earlier = *self;
-        *self = *later;
+        let earlier = std::mem::replace(self, *later);
         self.join(&earlier);
-        self.iterations_smooth = self.iterations_smooth.max(earlier.iterations_smooth);
-        self.residual_smooth = self.residual_smooth.max(earlier.residual_smooth);
-        self.energy_work += earlier.energy_work;
-        self.penetration = self.penetration.max(earlier.penetration);
-        self.penetration_relative = self.penetration_relative.max(earlier.penetration_relative);
-        self.halvings += earlier.halvings;
-        self.relisted += earlier.relisted;
-        self.handovers += earlier.handovers;
-        self.stepped += earlier.stepped;
-        self.take_substeps(earlier.substeps, earlier.substep_min);
-    }
-
-    /// Takes in what solves of islands told elsewhere: largest values and sums, in no order.
-    pub(crate) fn join(&mut self, other: &StepReport) {
-        self.iterations_position = self.iterations_position.max(other.iterations_position);
-        self.iterations_velocity = self.iterations_velocity.max(other.iterations_velocity);
-        self.line_search_position = self.line_search_position.max(other.line_search_position);
-        self.line_search_velocity = self.line_search_velocity.max(other.line_search_velocity);
-        self.impact_problems = self.impact_problems.max(other.impact_problems);
-        self.sweeps_position = self.sweeps_position.max(other.sweeps_position);
-        self.sweeps_velocity = self.sweeps_velocity.max(other.sweeps_velocity);
-        self.residual_position = self.residual_position.max(other.residual_position);
-        self.residual_velocity = self.residual_velocity.max(other.residual_velocity);
-        self.fallbacks += other.fallbacks;
-        self.truncated += other.truncated;
-        self.unconverged += other.unconverged;
-        self.missed_impacts += other.missed_impacts;
-        self.restitution_scale = self.restitution_scale.min(other.restitution_scale);
     }
 }
 
@@ -234,52 +228,96 @@ impl Spread {
     }
 }
 
-/// Totals since the start of the run; part of what a checkpoint keeps.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Monitors {
-    pub steps: u64,
-    pub smooth: Spread,
-    pub position: Spread,
-    pub velocity: Spread,
-    pub line_search_position: Spread,
-    pub line_search_velocity: Spread,
-    pub impact_problems: Spread,
-    pub contacts: Spread,
-    pub fallbacks: u64,
-    pub truncated: u64,
-    pub unconverged: u64,
-    pub halvings: u64,
-    pub missed_impacts: u64,
-    pub relisted: u64,
-    pub safeguarded: u64,
-    pub restitution_scale: f64,
-    pub residual_position: f64,
-    pub residual_velocity: f64,
-    pub penetration: f64,
-    pub penetration_relative: f64,
-    pub energy_initial: f64,
-    pub energy_final: f64,
-    /// Work of loads without a potential and of prescribed motion, J.
-    pub energy_work: f64,
-    /// Energy of the balls that entered and left in the course of the run, J, and their numbers.
-    pub energy_in: f64,
-    pub energy_out: f64,
-    pub entered: u64,
-    pub removed: u64,
-    /// Largest rise of the total energy in one step beyond that work and exchange, J (0: it never rose).
-    pub energy_max_rise: f64,
+/// A total of a run.
+trait Total {
+    /// Its numbers, counts and measures.
+    fn numbers<'a>(&'a mut self, counts: &mut Vec<&'a mut u64>, measures: &mut Vec<&'a mut f64>);
+}
+
+impl Total for u64 {
+    fn numbers<'a>(&'a mut self, counts: &mut Vec<&'a mut u64>, _: &mut Vec<&'a mut f64>) {
+        counts.push(self);
+    }
+}
+
+impl Total for Spread {
+    fn numbers<'a>(&'a mut self, counts: &mut Vec<&'a mut u64>, _: &mut Vec<&'a mut f64>) {
+        counts.extend([&mut self.max, &mut self.sum]);
+    }
+}
+
+impl Total for f64 {
+    fn numbers<'a>(&'a mut self, _: &mut Vec<&'a mut u64>, measures: &mut Vec<&'a mut f64>) {
+        measures.push(self);
+    }
+}
+
+macro_rules! monitors {
+    ($($(#[$doc:meta])* $name:ident: $type:ident = $rule:ident $($of:ident)?),+ $(,)?) => {
+        /// Totals since the start of the run; part of what a checkpoint keeps, in this order.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Monitors { $($(#[$doc])* pub $name: $type),+ }
+
+        impl Monitors {
+            /// All counts, and all measures.
+            pub fn numbers(&mut self) -> (Vec<&mut u64>, Vec<&mut f64>) {
+                let (mut counts, mut measures) = (Vec::new(), Vec::new());
+                $(self.$name.numbers(&mut counts, &mut measures);)+
+                (counts, measures)
+            }
+
+            fn take(&mut self, r: &StepReport) {
+                $(take!($rule, $type, self.$name, $(r.$of)?);)+
+            }
+        }
+    };
+}
+
+monitors! {
+    steps: u64 = own,
+    smooth: Spread = spread iterations_smooth,
+    position: Spread = spread iterations_position,
+    velocity: Spread = spread iterations_velocity,
+    line_search_position: Spread = spread line_search_position,
+    line_search_velocity: Spread = spread line_search_velocity,
+    impact_problems: Spread = spread impact_problems,
+    contacts: Spread = spread contacts,
+    fallbacks: u64 = sum fallbacks,
+    truncated: u64 = sum truncated,
+    unconverged: u64 = sum unconverged,
+    halvings: u64 = sum halvings,
+    missed_impacts: u64 = sum missed_impacts,
+    relisted: u64 = sum relisted,
+    /// Steps in which restitution was scaled down, and the smallest factor.
+    safeguarded: u64 = own,
+    restitution_scale: f64 = min restitution_scale,
+    residual_position: f64 = max residual_position,
+    residual_velocity: f64 = max residual_velocity,
+    penetration: f64 = max penetration,
+    penetration_relative: f64 = max penetration_relative,
+    energy_initial: f64 = own,
+    energy_final: f64 = own,
+    /// Largest rise of the total energy in one step beyond work and exchange, J (0: it never rose).
+    energy_max_rise: f64 = own,
     /// Largest kinetic energy plus `sum m |g| r`: the scale against which a rise is judged, J.
-    pub energy_scale: f64,
+    energy_scale: f64 = own,
     /// Steps whose rise exceeds 1e-12 of the scale.
-    pub energy_rises: u64,
+    energy_rises: u64 = own,
     /// Largest `|v| h / r` of any sphere after any step (rule R6).
-    pub travel: f64,
+    travel: f64 = own,
+    /// Work of loads without a potential and of prescribed motion, J.
+    energy_work: f64 = sum energy_work,
     /// Substeps and the smallest, s; 0 if there were none.
-    pub substeps: u64,
-    pub substep_min: f64,
+    substeps: u64 = own,
+    substep_min: f64 = own,
+    /// Energy of the balls that entered and left in the course of the run, J, and their numbers.
+    energy_in: f64 = sum energy_in,
+    energy_out: f64 = sum energy_out,
+    entered: u64 = sum entered,
+    removed: u64 = sum removed,
     /// Of method `events`: how often steps took over, and for how long, s.
-    pub handovers: u64,
-    pub stepped: f64,
+    handovers: u64 = sum handovers,
+    stepped: f64 = sum stepped,
 }
 
 impl Monitors {
@@ -295,33 +333,11 @@ impl Monitors {
 
     /// Takes a step's report into the totals. `static_scale` is `sum m |g| r`, J.
     pub fn add(&mut self, r: &StepReport, static_scale: f64, travel: f64) {
+        self.take(r);
         self.steps += 1;
-        self.smooth.add(r.iterations_smooth);
-        self.position.add(r.iterations_position);
-        self.velocity.add(r.iterations_velocity);
-        self.line_search_position.add(r.line_search_position);
-        self.line_search_velocity.add(r.line_search_velocity);
-        self.impact_problems.add(r.impact_problems);
-        self.contacts.add(r.contacts);
-        self.fallbacks += u64::from(r.fallbacks);
-        self.truncated += u64::from(r.truncated);
-        self.unconverged += u64::from(r.unconverged);
-        self.halvings += u64::from(r.halvings);
-        self.missed_impacts += u64::from(r.missed_impacts);
-        self.relisted += u64::from(r.relisted);
         self.safeguarded += u64::from(r.restitution_scale < 1.0);
-        self.restitution_scale = self.restitution_scale.min(r.restitution_scale);
-        self.residual_position = self.residual_position.max(r.residual_position);
-        self.residual_velocity = self.residual_velocity.max(r.residual_velocity);
-        self.penetration = self.penetration.max(r.penetration);
-        self.penetration_relative = self.penetration_relative.max(r.penetration_relative);
         let energy = r.energy_kinetic + r.energy_potential;
         let rise = energy - self.energy_final - r.energy_work - (r.energy_in - r.energy_out);
-        self.energy_in += r.energy_in;
-        self.energy_out += r.energy_out;
-        self.entered += u64::from(r.entered);
-        self.removed += u64::from(r.removed);
-        self.energy_work += r.energy_work;
         self.energy_scale = self.energy_scale.max(r.energy_kinetic + static_scale);
         self.energy_max_rise = self.energy_max_rise.max(rise);
         // The potential has its zero at the origin: far from it, its rounding is no rise.
@@ -329,8 +345,6 @@ impl Monitors {
         self.energy_rises += u64::from(rise > 1e-12 * self.energy_scale + rounding);
         self.energy_final = energy;
         self.travel = self.travel.max(travel);
-        self.handovers += u64::from(r.handovers);
-        self.stepped += r.stepped;
         if r.substeps > 0 {
             let first = self.substeps == 0;
             self.substep_min = if first {

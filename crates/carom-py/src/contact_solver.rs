@@ -1,5 +1,6 @@
 //! Contact problems from arrays to the solvers and back.
 
+use crate::arrays::dict;
 use carom_solve::ladder;
 use carom_solve::problem::{Problem, ProblemError};
 use carom_solve::solver::{self, Settings, Stage};
@@ -108,26 +109,26 @@ pub fn solve_contact_problem<'py>(
         Ok((map.leave(&r), outcome))
     });
     let (r, outcome) = solved.map_err(|e: ProblemError| value_error(e.to_string()))?;
-    let out = PyDict::new(py);
-    out.set_item("r", PyArray1::from_vec(py, r))?;
-    out.set_item("converged", outcome.converged)?;
-    out.set_item("explained", !outcome.ran_away)?;
-    out.set_item("iterations", outcome.iterations)?;
-    out.set_item("wall_s", began.elapsed().as_secs_f64())?;
     let stages = outcome.stages.iter().map(|s| stage_dict(py, s));
-    out.set_item("stages", stages.collect::<PyResult<Vec<_>>>()?)?;
-    Ok(out)
+    Ok(dict! { py,
+        "r": PyArray1::from_vec(py, r),
+        "converged": outcome.converged,
+        "explained": !outcome.ran_away,
+        "iterations": outcome.iterations,
+        "wall_s": began.elapsed().as_secs_f64(),
+        "stages": stages.collect::<PyResult<Vec<_>>>()?,
+    })
 }
 
 fn stage_dict<'py>(py: Python<'py>, s: &Stage) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    out.set_item("name", s.name)?;
-    out.set_item("solver", s.solver)?;
-    out.set_item("iterations", s.iterations)?;
-    out.set_item("err", s.err)?;
-    out.set_item("wall_s", s.seconds)?;
-    out.set_item("why", &s.why)?;
-    Ok(out)
+    Ok(dict! { py,
+        "name": s.name,
+        "solver": s.solver,
+        "iterations": s.iterations,
+        "err": s.err,
+        "wall_s": s.seconds,
+        "why": &s.why,
+    })
 }
 
 /// Names of the solvers with one line each.

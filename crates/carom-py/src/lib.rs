@@ -13,6 +13,7 @@ mod state;
 mod tables;
 mod walls;
 
+use arrays::dict;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -35,15 +36,15 @@ fn choices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     use carom_core::options::{
         Impact, Method, OnNonconvergence, PenaltyFriction, PenaltyLaw, PositionFriction, Solver,
     };
-    let out = PyDict::new(py);
-    out.set_item("method", Method::NAMES)?;
-    out.set_item("impact", Impact::NAMES)?;
-    out.set_item("solver", Solver::NAMES)?;
-    out.set_item("on_nonconvergence", OnNonconvergence::NAMES)?;
-    out.set_item("penalty_law", PenaltyLaw::NAMES)?;
-    out.set_item("position_friction", PositionFriction::NAMES)?;
-    out.set_item("penalty_friction", PenaltyFriction::NAMES)?;
-    Ok(out)
+    Ok(dict! { py,
+        "method": Method::NAMES,
+        "impact": Impact::NAMES,
+        "solver": Solver::NAMES,
+        "on_nonconvergence": OnNonconvergence::NAMES,
+        "penalty_law": PenaltyLaw::NAMES,
+        "position_friction": PositionFriction::NAMES,
+        "penalty_friction": PenaltyFriction::NAMES,
+    })
 }
 
 /// The table of impact laws (`_core.pyi`).
@@ -52,21 +53,23 @@ fn impact_laws(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     use carom_core::impact::laws::Restitution;
     let out = PyDict::new(py);
     for law in carom_core::options::Impact::ALL {
-        let (facts, row) = (law.facts(), PyDict::new(py));
-        row.set_item("summary", facts.summary)?;
-        row.set_item("advice", facts.advice)?;
-        row.set_item("loads_first", facts.loads_first)?;
-        row.set_item("energy", facts.energy)?;
+        let facts = law.facts();
         let restitution = match facts.restitution {
             Restitution::Newton => "newton",
             Restitution::Printed => "printed",
             Restitution::Poisson => "poisson",
             Restitution::Energetic => "energetic",
         };
-        row.set_item("restitution", restitution)?;
-        row.set_item("problems", facts.problems)?;
-        row.set_item("needs", facts.needs)?;
-        row.set_item("cite", facts.cite)?;
+        let row = dict! { py,
+            "summary": facts.summary,
+            "advice": facts.advice,
+            "loads_first": facts.loads_first,
+            "energy": facts.energy,
+            "restitution": restitution,
+            "problems": facts.problems,
+            "needs": facts.needs,
+            "cite": facts.cite,
+        };
         out.set_item(law.name(), row)?;
     }
     Ok(out)

@@ -1,26 +1,27 @@
 //! Kept contact problems as dicts of arrays.
 
-use crate::arrays::{put, Table};
+use crate::arrays::{dict, put, Table};
 use carom_core::problem::KeptProblem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// A kept problem; see the stub for its entries.
 pub fn problem_dict<'py>(py: Python<'py>, p: &KeptProblem) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    out.set_item("level", p.level.name())?;
-    out.set_item("step", p.step)?;
-    out.set_item("time", p.time)?;
-    out.set_item("part", p.part)?;
-    out.set_item("island", p.island)?;
-    out.set_item("index", p.index)?;
-    out.set_item("iterations", p.iterations)?;
-    out.set_item("residual", p.residual)?;
-    out.set_item("converged", p.converged)?;
     let attempts: Vec<String> = p.attempts.iter().map(ToString::to_string).collect();
-    out.set_item("attempts", attempts.join("; "))?;
-    out.set_item("joints", p.joints)?;
-    out.set_item("worst", p.worst)?;
+    let out = dict! { py,
+        "level": p.level.name(),
+        "step": p.step,
+        "time": p.time,
+        "part": p.part,
+        "island": p.island,
+        "index": p.index,
+        "iterations": p.iterations,
+        "residual": p.residual,
+        "converged": p.converged,
+        "attempts": attempts.join("; "),
+        "joints": p.joints,
+        "worst": p.worst,
+    };
     let (nodes, rows) = (p.mass.len(), p.free.len());
     let spheres = p.spheres.iter().map(|&i| i64::from(i)).collect();
     put::<i64>(&out, "spheres", spheres, &[nodes])?;

@@ -1,15 +1,16 @@
 //! The class `Simulation`.
 
-use crate::arrays::{self, put, Table};
+use crate::arrays::{self, dict, put, Table};
 use crate::convert::{self};
 use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{
-    monitor_arrays, monitors_from, open_values, put_keys, put_kinematics, put_pairs, read_open,
-    read_pairs, read_state, touch_values, warm_values,
+    monitor_arrays, monitors_from, put_kept, put_kinematics, put_pairs, read_open, read_pairs,
+    read_state,
 };
 use crate::tables::{outcome_dict, put_block, put_impulses, put_transitions};
 use crate::ModelError;
+use carom_core::model::ContactLaw;
 use carom_core::options::Method;
 use carom_core::problem::Steps;
 use carom_core::report::Spread;
@@ -134,17 +135,12 @@ impl Simulation {
             put_pairs(&out, name, &pairs)?;
         }
         put(&out, "warm_step", vec![s.warm_step], &[1])?;
-        let (out, recorder) = (&out, &self.inner.recorder);
-        let (warm, touches, open) = (&s.warm[..], &s.touches[..], &recorder.open[..]);
-        put_keys(out, "warm_key", warm, |w| w.key)?;
-        Table { out, records: warm }.rows("warm_value", warm_values)?;
-        put_keys(out, "touch_key", touches, |t| t.key)?;
-        let records = touches;
-        Table { out, records }.rows("touch_value", touch_values)?;
-        put_keys(out, "open_key", open, |r| r.key)?;
-        let table = Table { out, records: open };
-        table.column("open_status", |r| u64::from(r.status))?;
-        table.rows("open_value", open_values)?;
+        let recorder = &self.inner.recorder;
+        put_kept(&out, "warm", &s.warm, |w| w.key)?;
+        put_kept(&out, "touch", &s.touches, |t| t.key)?;
+        let (out, records) = (&out, &recorder.open[..]);
+        put_kept(out, "open", records, |r| r.key)?;
+        Table { out, records }.column("open_status", |r| u64::from(r.status))?;
         put_pairs(out, "open_joint", &recorder.open_joints)?;
         put_pairs(out, "open_wall", &recorder.open_walls)?;
         let (integers, floats) = monitor_arrays(&self.inner.monitors);
@@ -160,7 +156,7 @@ impl Simulation {
         let mut loaded = read_state(state)?;
         flow::read_state(state, &self.inner.model, &mut loaded)?;
         (loaded.check(&self.inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;
-        let open = read_open(state, bodies as u64)?;
+        let open = read_open(state, bodies as u32)?;
         let integers = arrays::indices(state, "monitor_int")?;
         let floats = arrays::floats(state, "monitor_float")?;
         let Some(monitors) = monitors_from(&integers, &floats) else {
@@ -202,69 +198,60 @@ impl Simulation {
     /// Totals since the start.
     fn monitors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let m = &self.inner.monitors;
-        let out = PyDict::new(py);
         let spread = |s: &Spread| -> PyResult<Bound<'py, PyDict>> {
-            let d = PyDict::new(py);
-            d.set_item("max", s.max)?;
-            d.set_item(
-                "mean",
-                if m.steps == 0 {
-                    0.0
-                } else {
-                    s.sum as f64 / m.steps as f64
-                },
-            )?;
-            Ok(d)
+            let mean = match m.steps {
+                0 => 0.0,
+                steps => s.sum as f64 / steps as f64,
+            };
+            Ok(dict! { py, "max": s.max, "mean": mean })
         };
-        out.set_item("steps", m.steps)?;
-        let iterations = PyDict::new(py);
-        iterations.set_item("smooth", spread(&m.smooth)?)?;
-        iterations.set_item("position", spread(&m.position)?)?;
-        iterations.set_item("velocity", spread(&m.velocity)?)?;
-        out.set_item("iterations", iterations)?;
-        let search = PyDict::new(py);
-        search.set_item("position", m.line_search_position.max)?;
-        search.set_item("velocity", m.line_search_velocity.max)?;
-        out.set_item("line_search", search)?;
-        out.set_item("impact_problems", spread(&m.impact_problems)?)?;
-        out.set_item("contacts", spread(&m.contacts)?)?;
-        for (name, value) in [
-            ("fallbacks", m.fallbacks),
-            ("truncated_sequences", m.truncated),
-            ("unconverged", m.unconverged),
-            ("halvings", m.halvings),
-            ("substeps", m.substeps),
-            ("handovers", m.handovers),
-            ("entered", m.entered),
-            ("removed", m.removed),
-            ("missed_impacts", m.missed_impacts),
-            ("relisted", m.relisted),
-            ("safeguarded", m.safeguarded),
-        ] {
-            out.set_item(name, value)?;
-        }
-        out.set_item("stepped", m.stepped)?;
-        out.set_item("restitution_scale_min", m.restitution_scale)?;
-        out.set_item("residual_position_max", m.residual_position)?;
-        out.set_item("residual_velocity_max", m.residual_velocity)?;
-        out.set_item("penetration_max", m.penetration)?;
-        out.set_item("penetration_max_relative", m.penetration_relative)?;
-        out.set_item("travel_max", m.travel)?;
+        let iterations = dict! { py,
+            "smooth": spread(&m.smooth)?,
+            "position": spread(&m.position)?,
+            "velocity": spread(&m.velocity)?,
+        };
+        let search = dict! { py,
+            "position": m.line_search_position.max,
+            "velocity": m.line_search_velocity.max,
+        };
+        let energy = dict! { py,
+            "initial": m.energy_initial,
+            "final": m.energy_final,
+            "work": m.energy_work,
+            "in": m.energy_in,
+            "out": m.energy_out,
+            "max_rise": m.energy_max_rise,
+            "max_rise_relative": m.energy_max_rise / m.energy_scale.max(f64::MIN_POSITIVE),
+            "rises": m.energy_rises,
+        };
+        let out = dict! { py,
+            "steps": m.steps,
+            "iterations": iterations,
+            "line_search": search,
+            "impact_problems": spread(&m.impact_problems)?,
+            "contacts": spread(&m.contacts)?,
+            "fallbacks": m.fallbacks,
+            "truncated_sequences": m.truncated,
+            "unconverged": m.unconverged,
+            "halvings": m.halvings,
+            "substeps": m.substeps,
+            "handovers": m.handovers,
+            "entered": m.entered,
+            "removed": m.removed,
+            "missed_impacts": m.missed_impacts,
+            "relisted": m.relisted,
+            "safeguarded": m.safeguarded,
+            "stepped": m.stepped,
+            "restitution_scale_min": m.restitution_scale,
+            "residual_position_max": m.residual_position,
+            "residual_velocity_max": m.residual_velocity,
+            "penetration_max": m.penetration,
+            "penetration_max_relative": m.penetration_relative,
+            "travel_max": m.travel,
+        };
         if self.inner.model.options.method == Method::Penalty {
             out.set_item("penalty", self.penalty(py)?)?;
         }
-        let energy = PyDict::new(py);
-        energy.set_item("initial", m.energy_initial)?;
-        energy.set_item("final", m.energy_final)?;
-        energy.set_item("work", m.energy_work)?;
-        energy.set_item("in", m.energy_in)?;
-        energy.set_item("out", m.energy_out)?;
-        energy.set_item("max_rise", m.energy_max_rise)?;
-        energy.set_item(
-            "max_rise_relative",
-            m.energy_max_rise / m.energy_scale.max(f64::MIN_POSITIVE),
-        )?;
-        energy.set_item("rises", m.energy_rises)?;
         out.set_item("energy", energy)?;
         Ok(out)
     }
@@ -318,20 +305,18 @@ impl Simulation {
     /// What method `penalty` chose: its substeps, and what each contact law came to.
     fn penalty<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (m, model) = (&self.inner.monitors, &self.inner.model);
-        let o = &model.options;
-        let out = PyDict::new(py);
-        out.set_item("substeps", m.substeps)?;
-        out.set_item("substep_min", m.substep_min)?;
-        let mut found = Vec::new();
-        for law in &model.laws {
-            let chi = law::damping(o, law, 0.0);
-            let entry = PyDict::new(py);
-            entry.set_item("restitution", law.restitution(0.0))?;
-            entry.set_item("damping", chi)?;
-            entry.set_item("restitution_effective", damping::restitution(chi))?;
-            found.push(entry);
-        }
-        out.set_item("laws", found)?;
-        Ok(out)
+        let entry = |law: &ContactLaw| -> PyResult<Bound<'py, PyDict>> {
+            let chi = law::damping(&model.options, law, 0.0);
+            Ok(dict! { py,
+                "restitution": law.restitution(0.0),
+                "damping": chi,
+                "restitution_effective": damping::restitution(chi),
+            })
+        };
+        Ok(dict! { py,
+            "substeps": m.substeps,
+            "substep_min": m.substep_min,
+            "laws": model.laws.iter().map(entry).collect::<PyResult<Vec<_>>>()?,
+        })
     }
 }

@@ -9,14 +9,75 @@ use carom_core::Monitors;
 use glam::{DQuat, DVec3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::slice::from_mut;
 
-/// Impulse and moment of a contact.
-pub fn warm_values(w: &Warm) -> [f64; 6] {
-    let mut out = [0.0; 6];
-    for (k, v) in [w.impulse, w.moment].into_iter().enumerate() {
-        out[3 * k..3 * k + 3].copy_from_slice(&v.to_array());
+/// What a checkpoint keeps of a contact: its numbers, in one order for there and back.
+pub trait Kept<const K: usize>: Clone {
+    fn of(key: ContactKey) -> Self;
+    fn numbers(&mut self) -> Vec<&mut [f64]>;
+
+    fn values(&self) -> [f64; K] {
+        let (mut own, mut out) = (self.clone(), [0.0; K]);
+        let numbers = own.numbers().into_iter().flatten();
+        out.iter_mut().zip(numbers).for_each(|(to, x)| *to = *x);
+        out
     }
-    out
+
+    fn from_values(key: ContactKey, values: &[f64; K]) -> Self {
+        let mut own = Self::of(key);
+        let numbers = own.numbers().into_iter().flatten();
+        numbers.zip(values).for_each(|(to, x)| *to = *x);
+        own
+    }
+}
+
+impl Kept<6> for Warm {
+    fn of(key: ContactKey) -> Warm {
+        let (impulse, moment) = (DVec3::ZERO, DVec3::ZERO);
+        Warm {
+            key,
+            impulse,
+            moment,
+        }
+    }
+    fn numbers(&mut self) -> Vec<&mut [f64]> {
+        vec![self.impulse.as_mut(), self.moment.as_mut()]
+    }
+}
+
+impl Kept<11> for Touch {
+    fn of(key: ContactKey) -> Touch {
+        Touch::new(key, 0.0)
+    }
+    fn numbers(&mut self) -> Vec<&mut [f64]> {
+        vec![
+            from_mut(&mut self.approach),
+            from_mut(&mut self.age),
+            self.spring.as_mut(),
+            self.impulse.as_mut(),
+            self.moment.as_mut(),
+        ]
+    }
+}
+
+impl Kept<20> for ContactRecord {
+    fn of(key: ContactKey) -> ContactRecord {
+        ContactRecord {
+            key,
+            ..ContactRecord::default()
+        }
+    }
+    fn numbers(&mut self) -> Vec<&mut [f64]> {
+        vec![
+            from_mut(&mut self.gap),
+            self.normal.as_mut(),
+            self.impulse.as_mut(),
+            self.moment.as_mut(),
+            self.position_impulse.as_mut(),
+            self.position_moment.as_mut(),
+            &mut self.work,
+        ]
+    }
 }
 
 pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State) -> PyResult<()> {
@@ -33,115 +94,62 @@ pub fn put_pairs(out: &Bound<'_, PyDict>, name: &str, records: &[[DVec3; 2]]) ->
     Table { out, records }.rows(name, |[a, b]| [a.x, a.y, a.z, b.x, b.y, b.z])
 }
 
-/// Keys of contacts.
-pub fn put_keys<R>(
+/// Contacts: keys and values.
+pub fn put_kept<const K: usize, R: Kept<K>>(
     out: &Bound<'_, PyDict>,
     name: &str,
     records: &[R],
     key: impl Fn(&R) -> ContactKey,
 ) -> PyResult<()> {
-    Table { out, records }.rows(name, |r| {
+    let table = Table { out, records };
+    table.rows(&format!("{name}_key"), |r| {
         let (a, b) = key(r);
         [a, b].map(u64::from)
-    })
+    })?;
+    table.rows(&format!("{name}_value"), R::values)
 }
 
-pub fn open_values(r: &ContactRecord) -> [f64; 20] {
-    let mut out = [0.0; 20];
-    out[0] = r.gap;
-    for (k, v) in [
-        r.normal,
-        r.impulse,
-        r.moment,
-        r.position_impulse,
-        r.position_moment,
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        out[1 + 3 * k..4 + 3 * k].copy_from_slice(&v.to_array());
-    }
-    out[16..].copy_from_slice(&r.work);
-    out
-}
-
-pub fn touch_values(t: &Touch) -> [f64; 11] {
-    let mut out = [0.0; 11];
-    (out[0], out[1]) = (t.approach, t.age);
-    for (k, v) in [t.spring, t.impulse, t.moment].into_iter().enumerate() {
-        out[2 + 3 * k..5 + 3 * k].copy_from_slice(&v.to_array());
-    }
-    out
-}
-
-/// Closed contacts of method `penalty`.
-fn read_touches(state: &Bound<'_, PyDict>) -> PyResult<Vec<Touch>> {
-    let values = arrays::rows::<11>(state, "touch_value")?;
-    let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
-    let touches = read_keys(state, "touch", values.len())?;
-    let touches = touches.into_iter().zip(&values).map(|(key, v)| Touch {
-        key,
-        approach: v[0],
-        age: v[1],
-        spring: vector(&v[2..]),
-        impulse: vector(&v[5..]),
-        moment: vector(&v[8..]),
-    });
-    Ok(touches.collect())
-}
-
-/// Keys of contacts, as many as there are values.
-fn read_keys(state: &Bound<'_, PyDict>, name: &str, count: usize) -> PyResult<Vec<ContactKey>> {
+/// The same back.
+fn read_kept<const K: usize, R: Kept<K>>(
+    state: &Bound<'_, PyDict>,
+    name: &str,
+) -> PyResult<Vec<R>> {
+    let values = arrays::rows::<K>(state, &format!("{name}_value"))?;
     let keys = arrays::indices(state, &format!("{name}_key"))?;
-    if keys.len() != 2 * count {
+    if keys.len() != 2 * values.len() {
         return Err(ModelError::new_err(format!(
             "state: {name}_key and {name}_value differ in length"
         )));
     }
     // A number that is no index is none of a body either.
     let index = |k: u64| u32::try_from(k).unwrap_or(u32::MAX);
-    Ok(keys.chunks(2).map(|k| (index(k[0]), index(k[1]))).collect())
+    let keys = keys.chunks(2).map(|k| (index(k[0]), index(k[1])));
+    Ok(keys
+        .zip(&values)
+        .map(|(key, values)| R::from_values(key, values))
+        .collect())
 }
 
-/// Pairs of a sphere and a later body of a model of `bodies` spheres and walls.
-fn check_keys(name: &str, keys: &[u64], bodies: u64) -> PyResult<()> {
-    if keys.chunks(2).any(|k| k[0] >= k[1] || k[1] >= bodies) {
-        return Err(ModelError::new_err(format!(
-            "state: {name} names a body that the model has not"
-        )));
-    }
-    Ok(())
-}
-
-pub fn read_open(state: &Bound<'_, PyDict>, bodies: u64) -> PyResult<Vec<ContactRecord>> {
-    let keys = arrays::indices(state, "open_key")?;
+/// Open contact records of a model of `bodies` spheres and walls.
+pub fn read_open(state: &Bound<'_, PyDict>, bodies: u32) -> PyResult<Vec<ContactRecord>> {
+    let mut open: Vec<ContactRecord> = read_kept(state, "open")?;
     let status = arrays::indices(state, "open_status")?;
-    let values = arrays::rows::<20>(state, "open_value")?;
-    if keys.len() != 2 * values.len() || status.len() != values.len() {
+    if status.len() != open.len() {
         return Err(ModelError::new_err(
             "state: the open contact records differ in length",
         ));
     }
-    check_keys("open_key", &keys, bodies)?;
-    if status.iter().any(|&s| s > u64::from(u8::MAX)) {
-        return Err(ModelError::new_err("state: open_status is out of range"));
+    // Pairs of a sphere and a later body.
+    if open.iter().any(|r| r.key.0 >= r.key.1 || r.key.1 >= bodies) {
+        return Err(ModelError::new_err(
+            "state: open_key names a body that the model has not",
+        ));
     }
-    let vector = |v: &[f64]| DVec3::new(v[0], v[1], v[2]);
-    Ok(values
-        .iter()
-        .enumerate()
-        .map(|(i, v)| ContactRecord {
-            key: (keys[2 * i] as u32, keys[2 * i + 1] as u32),
-            status: status[i] as u8,
-            gap: v[0],
-            normal: vector(&v[1..]),
-            impulse: vector(&v[4..]),
-            moment: vector(&v[7..]),
-            position_impulse: vector(&v[10..]),
-            position_moment: vector(&v[13..]),
-            work: [v[16], v[17], v[18], v[19]],
-        })
-        .collect())
+    for (record, status) in open.iter_mut().zip(status) {
+        record.status = u8::try_from(status)
+            .map_err(|_| ModelError::new_err("state: open_status is out of range"))?;
+    }
+    Ok(open)
 }
 
 /// Pairs of vectors, 6 numbers each.
@@ -160,13 +168,6 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
             .map(DVec3::from)
             .collect())
     };
-    let values = arrays::rows::<6>(state, "warm_value")?;
-    let keys = read_keys(state, "warm", values.len())?;
-    let warm = keys.into_iter().zip(&values).map(|(key, v)| Warm {
-        key,
-        impulse: DVec3::new(v[0], v[1], v[2]),
-        moment: DVec3::new(v[3], v[4], v[5]),
-    });
     let warm_step = arrays::floats(state, "warm_step")?
         .first()
         .copied()
@@ -198,67 +199,17 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
         // Of models whose balls come and go, see `flow.rs`.
         present: Vec::new(),
         entered: Vec::new(),
-        warm: warm.collect(),
+        warm: read_kept(state, "warm")?,
         warm_step,
-        touches: read_touches(state)?,
+        touches: read_kept(state, "touch")?,
     })
-}
-
-/// All numbers of the monitors in the order of a checkpoint: counts, and measures.
-fn numbers(m: &mut Monitors) -> ([&mut u64; 27], [&mut f64; 15]) {
-    let counts = [
-        &mut m.steps,
-        &mut m.smooth.max,
-        &mut m.smooth.sum,
-        &mut m.position.max,
-        &mut m.position.sum,
-        &mut m.velocity.max,
-        &mut m.velocity.sum,
-        &mut m.line_search_position.max,
-        &mut m.line_search_position.sum,
-        &mut m.line_search_velocity.max,
-        &mut m.line_search_velocity.sum,
-        &mut m.impact_problems.max,
-        &mut m.impact_problems.sum,
-        &mut m.contacts.max,
-        &mut m.contacts.sum,
-        &mut m.fallbacks,
-        &mut m.truncated,
-        &mut m.unconverged,
-        &mut m.halvings,
-        &mut m.missed_impacts,
-        &mut m.relisted,
-        &mut m.safeguarded,
-        &mut m.energy_rises,
-        &mut m.substeps,
-        &mut m.entered,
-        &mut m.removed,
-        &mut m.handovers,
-    ];
-    let measures = [
-        &mut m.restitution_scale,
-        &mut m.residual_position,
-        &mut m.residual_velocity,
-        &mut m.penetration,
-        &mut m.penetration_relative,
-        &mut m.energy_initial,
-        &mut m.energy_final,
-        &mut m.energy_max_rise,
-        &mut m.energy_scale,
-        &mut m.travel,
-        &mut m.energy_work,
-        &mut m.substep_min,
-        &mut m.energy_in,
-        &mut m.energy_out,
-        &mut m.stepped,
-    ];
-    (counts, measures)
 }
 
 pub fn monitor_arrays(m: &Monitors) -> (Vec<u64>, Vec<f64>) {
     let mut m = m.clone();
-    let (counts, measures) = numbers(&mut m);
-    (counts.map(|x| *x).to_vec(), measures.map(|x| *x).to_vec())
+    let (counts, measures) = m.numbers();
+    let counts = counts.into_iter().map(|x| *x).collect();
+    (counts, measures.into_iter().map(|x| *x).collect())
 }
 
 pub fn monitors_from(counts: &[u64], measures: &[f64]) -> Option<Monitors> {
@@ -270,11 +221,8 @@ pub fn monitors_from(counts: &[u64], measures: &[f64]) -> Option<Monitors> {
         return None;
     }
     let mut m = Monitors::default();
-    let (to_counts, to_measures) = numbers(&mut m);
-    to_counts
-        .into_iter()
-        .zip(counts)
-        .for_each(|(to, x)| *to = *x);
+    let (to_counts, to_measures) = m.numbers();
+    (to_counts.into_iter().zip(counts)).for_each(|(to, x)| *to = *x);
     (to_measures.into_iter().zip(measures)).for_each(|(to, x)| *to = *x);
     Some(m)
 }

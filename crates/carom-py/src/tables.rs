@@ -1,6 +1,6 @@
 //! The tables of a block, and outcomes, as dicts of arrays.
 
-use crate::arrays::{put, Table};
+use crate::arrays::{dict, put, Table};
 use carom_core::record::{Block, ContactRecord, ResidualRecord, TimedImpact};
 use carom_core::report::Column;
 use carom_core::transition::Transition;
@@ -10,11 +10,12 @@ use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 
 pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, PyDict>> {
-    let out = PyDict::new(py);
-    out.set_item("kind", o.kind())?;
-    out.set_item("advice", o.advice())?;
-    out.set_item("step", o.step)?;
-    out.set_item("time", o.time)?;
+    let out = dict! { py,
+        "kind": o.kind(),
+        "advice": o.advice(),
+        "step": o.step,
+        "time": o.time,
+    };
     if let Some(level) = o.level() {
         out.set_item("level", level.name())?;
     }
