@@ -168,10 +168,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn solve_without_restitution(&mut self, problem: u32) -> bool {
-        let solved =
-            (self.work).solve_without_restitution(self.model, self.scratch, problem, self.report);
-        self.work.balance();
-        solved
+        (self.work).solve_without_restitution(self.model, self.scratch, problem, self.report)
     }
 
     fn compress(&mut self) -> Option<bool> {
@@ -189,35 +186,29 @@ impl ImpactIsland for RowIsland<'_, '_> {
         self.model.options.energy_safeguard && self.work.scale.iter().any(|&s| s > 0.0)
     }
 
-    fn gains(&mut self, problem: u32) -> bool {
-        let (work, model) = (&mut *self.work, self.model);
-        let most = Admit::Tolerance(model.options.tolerance);
-        let gains = |work: &ImpactScratch, admit| {
-            let with = work.solution();
-            work.limits(model, &with, admit).is_some()
-        };
-        if !gains(work, Admit::Rounding) {
-            return false;
-        }
-        if !gains(work, Admit::Explained) {
-            work.solve_finely(model, self.scratch, problem);
-        }
-        work.balance();
-        gains(work, most)
+    fn limits(&self, with: Option<&RowSolution>, admit: Admit) -> Option<Vec<f64>> {
+        self.work.limits(self.model, with, admit)
+    }
+
+    fn tolerance(&self) -> f64 {
+        self.model.options.tolerance
+    }
+
+    fn solve_finely(&mut self, problem: u32) {
+        self.work.solve_finely(self.model, self.scratch, problem);
+    }
+
+    fn balance(&mut self) {
+        self.work.balance();
     }
 
     fn take_solution(&mut self) -> RowSolution {
         self.work.solution()
     }
 
-    fn limit(&mut self, with: RowSolution) {
-        let scales = (self.work).limits(
-            self.model,
-            &with,
-            Admit::Tolerance(self.model.options.tolerance),
-        );
-        let scales = scales.unwrap_or_else(|| vec![1.0; self.work.full.nodes()]);
-        self.work.mix(&with, &scales);
+    fn mix(&mut self, with: RowSolution, limits: Option<Vec<f64>>) {
+        let limits = limits.unwrap_or_else(|| vec![1.0; self.work.full.nodes()]);
+        self.work.mix(&with, &limits);
     }
 
     fn give_up_restitution(&mut self) {

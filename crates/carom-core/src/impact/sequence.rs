@@ -1,6 +1,7 @@
 //! The order of impact problems in a step: loads first (rule R2, the default), as printed, and one-shot. It is the same for contacts
 //! that are held as rows ([`crate::impact::rows`]) and as spheres ([`crate::pile`]).
 
+use super::energy::Admit;
 use super::law::Law;
 use crate::contact::Contact;
 use crate::options::Problems;
@@ -67,13 +68,19 @@ pub trait ImpactIsland: Sync {
     fn add(&mut self, problem: u32);
     /// Whether the energy safeguard of the options looks at the island.
     fn has_safeguard(&self) -> bool;
-    /// Whether the solution at hand gives a group of contacts energy, from the velocities that the loads (in later problems: all problems before)
-    /// have left, beyond what its residual explains. It may be solved more finely to tell.
-    fn gains(&mut self, problem: u32) -> bool;
-    /// The solution at hand, for [`Self::limit`].
+    /// How far each node may go from the solution at hand towards one `with` restitution (none: the one at hand has it), from the velocities that the
+    /// loads (in later problems: all problems before) have left; nothing if no group of contacts gains energy beyond what is admitted.
+    fn limits(&self, with: Option<&Self::Solution>, admit: Admit) -> Option<Vec<f64>>;
+    /// Tolerance of its solver.
+    fn tolerance(&self) -> f64;
+    /// Solves the problem at hand once more from its solution, which stays if it is not found more finely.
+    fn solve_finely(&mut self, problem: u32);
+    /// Makes the velocities of the solution at hand those of its impulses, where a solver leaves a difference: it would be energy.
+    fn balance(&mut self) {}
+    /// The solution at hand, for [`Self::mix`].
     fn take_solution(&mut self) -> Self::Solution;
-    /// Takes from the solution `with` restitution what gives a group energy: the one at hand has none.
-    fn limit(&mut self, with: Self::Solution);
+    /// Goes from the solution at hand towards `with` as far as these say of each node; all the way without them.
+    fn mix(&mut self, with: Self::Solution, limits: Option<Vec<f64>>);
     /// Says of the solution at hand that it has no restitution although the law has.
     fn give_up_restitution(&mut self);
     /// Forgets the impulses of the chosen contacts, which the next problem solves anew.
@@ -108,15 +115,31 @@ pub fn solve_problem(island: &mut impl ImpactIsland, law: Law, problem: u32, sta
             return false;
         }
         island.give_up_restitution();
-    } else if law.has_restitution() && island.has_safeguard() && island.gains(problem) {
+    } else if law.has_restitution() && island.has_safeguard() && gains(island, problem) {
         let with = island.take_solution();
         if !island.solve_without_restitution(problem) {
             return false;
         }
-        island.limit(with);
+        island.balance();
+        let limits = island.limits(Some(&with), Admit::Tolerance(island.tolerance()));
+        island.mix(with, limits);
     }
     island.add(problem);
     true
+}
+
+/// Whether the solution at hand gives a group of contacts energy beyond what its residual explains. Where that may explain it the problem is
+/// solved more finely to tell.
+fn gains(island: &mut impl ImpactIsland, problem: u32) -> bool {
+    if island.limits(None, Admit::Rounding).is_none() {
+        return false;
+    }
+    if island.limits(None, Admit::Explained).is_none() {
+        island.solve_finely(problem);
+    }
+    island.balance();
+    let admit = Admit::Tolerance(island.tolerance());
+    island.limits(None, admit).is_some()
 }
 
 /// Rule R2: loads first, then impacts. `docs/theory/algorithm.md` section 5 has it stage by stage.

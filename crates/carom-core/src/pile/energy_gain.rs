@@ -10,7 +10,6 @@ use crate::impact::law::Law;
 use crate::model::Model;
 use crate::pile::limits::tolerance;
 use crate::pile::memory::Pile;
-use crate::report::StepReport;
 use glam::DVec3;
 
 /// A solution of the problem at hand.
@@ -18,24 +17,6 @@ pub(super) struct SphereSolution {
     impulses: Vec<[f64; 3]>,
     moments: Vec<[f64; 3]>,
     corrections: Vec<[f64; 6]>,
-}
-
-/// The same where it stands.
-#[derive(Clone, Copy)]
-struct SolutionView<'a> {
-    impulses: &'a [[f64; 3]],
-    moments: &'a [[f64; 3]],
-    corrections: &'a [[f64; 6]],
-}
-
-impl SphereSolution {
-    fn found(&self) -> SolutionView<'_> {
-        SolutionView {
-            impulses: &self.impulses,
-            moments: &self.moments,
-            corrections: &self.corrections,
-        }
-    }
 }
 
 impl Velocities {
@@ -127,29 +108,6 @@ impl Pile {
         );
     }
 
-    fn found(&self) -> SolutionView<'_> {
-        SolutionView {
-            impulses: &self.impulses,
-            moments: &self.moments,
-            corrections: &self.corrections,
-        }
-    }
-
-    /// Whether the solution at hand gives a group energy. Where its residual may do so it is found more finely first.
-    pub(super) fn gains(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        problem: u32,
-        report: &mut StepReport,
-    ) -> bool {
-        let gains = |pile: &Self, admit| pile.limits(pile.found(), admit).is_some();
-        if gains(self, Admit::Rounding) && !gains(self, Admit::Explained) {
-            self.solve_finely(model, contacts, problem, report);
-        }
-        gains(self, Admit::Tolerance(tolerance(model)))
-    }
-
     /// The solution at hand.
     pub(super) fn solution(&self) -> SphereSolution {
         SphereSolution {
@@ -167,10 +125,13 @@ impl Pile {
         }
     }
 
-    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy beyond what is
-    /// admitted.
-    fn limits(&self, with: SolutionView, admit: Admit) -> Option<Vec<f64>> {
+    /// See [`crate::impact::sequence::ImpactIsland::limits`].
+    pub(super) fn limits(&self, with: Option<&SphereSolution>, admit: Admit) -> Option<Vec<f64>> {
         let memory = &self.velocity;
+        let (impulses, moments, corrections) = match with {
+            Some(with) => (&with.impulses, &with.moments, &with.corrections),
+            None => (&self.impulses, &self.moments, &self.corrections),
+        };
         let (from, anew) = self.judged_from();
         let since = |m: &ClosedContact| {
             let of = |jump| Velocities::relative(m, jump);
@@ -184,13 +145,13 @@ impl Pile {
                 explained: self.explained[k],
                 ..ContactWork::between(m.a, m.b)
             };
-            let impulses = [self.impulses[k], with.impulses[k]].map(DVec3::from);
+            let solved = [self.impulses[k], impulses[k]].map(DVec3::from);
             let loaded = anew && (m.load != DVec3::ZERO || m.impulse != DVec3::ZERO);
-            work.is_pressed = loaded || impulses.iter().any(|r| *r != DVec3::ZERO);
+            work.is_pressed = loaded || solved.iter().any(|r| *r != DVec3::ZERO);
             let since = since(m);
             let before = memory.now(m) - since;
-            let changes = [&self.corrections[..], with.corrections].map(|u| since + change(m, u));
-            let given = impulses.map(|r| r - had(m.load, m.impulse));
+            let changes = [&self.corrections, corrections].map(|u| since + change(m, u));
+            let given = solved.map(|r| r - had(m.load, m.impulse));
             for axis in 0..3 {
                 let at = |v: DVec3| v[axis];
                 work.add(at(before), given.map(at), changes.map(at));
@@ -198,11 +159,10 @@ impl Pile {
             if let Some(turning) = memory.turning.get(slot as usize) {
                 let since = roll::relative(m, &memory.jump) - roll::relative(m, from);
                 let before = memory.turn(slot) - since;
-                let changes = [&self.corrections[..], with.corrections];
+                let changes = [&self.corrections, corrections];
                 let changes = changes.map(|u| since + roll::change(m, u));
-                let moments = [&self.moments[..], with.moments];
                 let had = had(turning.load, turning.moment);
-                let given = moments.map(|of| DVec3::from(of[k]) - had);
+                let given = [&self.moments, moments].map(|of| DVec3::from(of[k]) - had);
                 for axis in 0..3 {
                     let at = |v: DVec3| v[axis];
                     work.add(at(before), given.map(at), changes.map(at));
@@ -214,9 +174,9 @@ impl Pile {
         scales(&works, admit, || memory.kinetic(self, |node| from[node]))
     }
 
-    /// Goes from the solution at hand towards `with` as far as [`Self::limits`] says.
-    pub(super) fn limit(&mut self, model: &Model, with: SphereSolution) {
-        let Some(scales) = self.limits(with.found(), Admit::Tolerance(tolerance(model))) else {
+    /// Goes from the solution at hand towards `with` as far as these scales of the nodes say.
+    pub(super) fn mix(&mut self, with: SphereSolution, scales: Option<Vec<f64>>) {
+        let Some(scales) = scales else {
             (self.impulses, self.moments, self.corrections) =
                 (with.impulses, with.moments, with.corrections);
             return;

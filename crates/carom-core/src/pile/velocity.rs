@@ -4,6 +4,7 @@ use super::chunks;
 use super::closed_contact::{work, ClosedContact, FIXED};
 use super::energy_gain::SphereSolution;
 use crate::contact::Contact;
+use crate::impact::energy::Admit;
 use crate::impact::law::Law;
 use crate::impact::laws;
 use crate::impact::sequence::{loads, ImpactIsland, Start};
@@ -13,7 +14,7 @@ use crate::level::{companion, Task};
 use crate::model::Model;
 use crate::options::Problems;
 use crate::outcome::Level;
-use crate::pile::limits::node;
+use crate::pile::limits::{node, tolerance};
 use crate::pile::memory::Pile;
 use crate::pile::turning::{any_rolls, Turning};
 use crate::pile::velocities::Velocities;
@@ -362,16 +363,24 @@ impl ImpactIsland for SphereIsland<'_> {
         self.model.options.energy_safeguard
     }
 
-    fn gains(&mut self, problem: u32) -> bool {
-        (self.pile).gains(self.model, self.contacts, problem, self.report)
+    fn limits(&self, with: Option<&SphereSolution>, admit: Admit) -> Option<Vec<f64>> {
+        self.pile.limits(with, admit)
+    }
+
+    fn tolerance(&self) -> f64 {
+        tolerance(self.model)
+    }
+
+    fn solve_finely(&mut self, problem: u32) {
+        (self.pile).solve_finely(self.model, self.contacts, problem, self.report);
     }
 
     fn take_solution(&mut self) -> SphereSolution {
         self.pile.solution()
     }
 
-    fn limit(&mut self, with: SphereSolution) {
-        self.pile.limit(self.model, with);
+    fn mix(&mut self, with: SphereSolution, limits: Option<Vec<f64>>) {
+        self.pile.mix(with, limits);
     }
 
     fn give_up_restitution(&mut self) {

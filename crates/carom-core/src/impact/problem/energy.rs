@@ -105,14 +105,14 @@ impl ImpactScratch {
         }
     }
 
-    /// Restitution scale of each node between the solution at hand and one `with` restitution; nothing if none gains energy beyond what is
-    /// admitted.
+    /// See [`crate::impact::sequence::ImpactIsland::limits`].
     pub(in crate::impact) fn limits(
         &self,
         model: &Model,
-        with: &RowSolution,
+        with: Option<&RowSolution>,
         admit: Admit,
     ) -> Option<Vec<f64>> {
+        let (lambda, u) = with.map_or((&self.lambda, &self.u), |with| (&with.lambda, &with.u));
         let (from, anew) = self.judged_from();
         let velocity: Vec<f64> = self.v_check.iter().zip(from).map(|(v, j)| v + j).collect();
         let change = |u: &[f64]| -> Vec<f64> {
@@ -121,7 +121,7 @@ impl ImpactScratch {
                 .map(|((fixed, from), u)| fixed - from + u)
                 .collect()
         };
-        let changes = [change(&self.u), change(&with.u)];
+        let changes = [change(&self.u), change(u)];
         let joints = self.members.len()..self.full.contacts.len();
         let slots = self.chosen.iter().copied().chain(joints);
         // What a load between two nodes gives one it takes from the other: they have one scale.
@@ -139,7 +139,7 @@ impl ImpactScratch {
                 };
                 let pressed = |lambda: &[f64]| lambda[c.row as usize] > 0.0;
                 let had_any = had(0) > 0.0 || (anew && self.impulse[row(0)] > 0.0);
-                let any = pressed(&self.lambda) || pressed(&with.lambda) || had_any;
+                let any = pressed(&self.lambda) || pressed(lambda) || had_any;
                 let of_residual = self.explained.get(position).copied().unwrap_or(0.0);
                 let mut work = ContactWork {
                     is_pressed: c.bilateral || any,
@@ -157,7 +157,7 @@ impl ImpactScratch {
                     let row = c.row as usize + r;
                     let measure = |v: &[f64]| self.sub.row_velocity(c, row, v);
                     let before = measure(&velocity) + wall.get(r).copied().unwrap_or(0.0);
-                    let solved = [&self.lambda, &with.lambda].map(|l| l[row]);
+                    let solved = [&self.lambda, lambda].map(|l| l[row]);
                     let change = [0, 1].map(|k| measure(&changes[k]));
                     let Some(middle) = self.middle.get(full.row as usize + r) else {
                         work.add(before, solved.map(|l| l - had(r)), change);
