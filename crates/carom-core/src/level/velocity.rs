@@ -60,60 +60,25 @@ fn solve_single<const MOVING: bool>(
     m: u32,
     report: &mut StepReport,
 ) {
-    let Task { model, state, .. } = *task;
-    let c: &Contact = &scratch.contacts[m as usize];
-    let i = c.a as usize;
-    let options = &model.options;
-    let radius = model.radius[i];
-    let motion = [scratch.linear[i].velocity, scratch.angular[i].velocity];
-    let mut speeds = Speeds::default();
-    speeds.add(model, state, motion[0], i);
-    let mut of_walls = [ContactMeasures::default(); 2];
-    if MOVING {
-        let walls = &scratch.walls;
-        let twists = walls.start_twist(model, c, state.position[i]);
-        if let (Some(old), Some(new)) = (twists, walls.end_twist(model, c, scratch.position[i])) {
-            speeds.add_wall(&old, &new);
-        }
-        of_walls = single::wall_motion(model, state, scratch, c);
-    }
-    let [wall_old, wall] = of_walls;
-    let load = speeds.load.max((wall.normal - wall_old.normal).abs());
-    let tol = speeds.closing_tolerance(options, 1, load);
-    let check = against::<MOVING>(single::motion(c, radius, motion[0], motion[1]), &wall);
-    let gamma_n = c.n0.dot(state.velocity[i]) - wall_old.normal;
-    if c.nu[0] > 0.0 && check.normal > tol && c.gap_start > options.touching_tolerance * c.length {
+    let model = task.model;
+    let (options, c) = (&model.options, &scratch.contacts[m as usize]);
+    let (lone, still) = Lone::<MOVING>::of(task, scratch, c);
+    let (check, tol) = (lone.check.normal, lone.tol);
+    if c.nu[0] > 0.0 && check > tol && c.gap_start > options.touching_tolerance * c.length {
         report.missed_impacts += 1;
     }
     let one_shot = options.impact == Impact::OneShot;
-    if speeds.largest() == 0.0 || (!one_shot && check.normal >= -tol) {
+    if still || (!one_shot && check >= -tol) {
         return;
     }
     let resting = match options.loads_once() {
         true => c.resting,
-        false => options.impact.has_loads_first() && gamma_n >= -tol,
+        false => options.impact.has_loads_first() && lone.approach >= -tol,
     };
-    let printed = options.impact.is_printed();
-    let law = match (resting, printed) {
+    let law = match (resting, options.impact.is_printed()) {
         (true, _) => Law::Plastic,
         (_, true) => Law::Printed,
         _ => Law::First,
-    };
-    let slip = if c.law(model).tangential_restitution == 0.0 {
-        [0.0; 2]
-    } else {
-        let old = single::motion(c, radius, state.velocity[i], state.angular_velocity[i]);
-        against::<MOVING>(old, &wall_old).slip
-    };
-    let lone = Lone::<MOVING> {
-        model,
-        c,
-        motion,
-        wall,
-        check,
-        approach: gamma_n,
-        slip,
-        tol,
     };
     let (mut scale, mut impact) = (1.0, lone.impact(law));
     // Nearly always: none.
@@ -131,7 +96,8 @@ fn solve_single<const MOVING: bool>(
     scratch.corrections.set(c.a, jump);
     let packed = single::pack(c, &s);
     let status = if s.slip { Status::Slip } else { Status::Stick };
-    if !resting && (options.loads_once() || gamma_n < -tol) {
+    let motion = lone.motion;
+    if !resting && (options.loads_once() || lone.approach < -tol) {
         let world = c.to_world(c.n1, &packed);
         scratch.impacts.push(ImpactRecord {
             problem: 1,
@@ -141,8 +107,8 @@ fn solve_single<const MOVING: bool>(
             normal: c.n1,
             impulse: world.impulse,
             moment: world.moment,
-            approach: check.normal,
-            separation: c.n1.dot(motion[0] + jump[0]) - wall.normal,
+            approach: check,
+            separation: c.n1.dot(motion[0] + jump[0]) - lone.wall.normal,
             restitution_scale: scale,
             course: None,
         });
@@ -185,7 +151,46 @@ struct Lone<'a, const MOVING: bool> {
 /// Multipliers, the velocity jump that they make, and their work: normal, sliding, rolling, spinning.
 type LoneImpact = (SingleSolution, [DVec3; 2], [f64; 4]);
 
-impl<const MOVING: bool> Lone<'_, MOVING> {
+impl<'a, const MOVING: bool> Lone<'a, MOVING> {
+    /// The contact as the step has it, and whether nothing moves and nothing pulls.
+    #[inline(always)]
+    fn of(task: &Task<'a>, scratch: &IslandScratch, c: &'a Contact) -> (Self, bool) {
+        let Task { model, state, .. } = *task;
+        let i = c.a as usize;
+        let motion = [scratch.linear[i].velocity, scratch.angular[i].velocity];
+        let mut speeds = Speeds::default();
+        speeds.add(model, state, motion[0], i);
+        let mut of_walls = [ContactMeasures::default(); 2];
+        if MOVING {
+            let walls = &scratch.walls;
+            let old = walls.start_twist(model, c, state.position[i]);
+            if let (Some(old), Some(new)) = (old, walls.end_twist(model, c, scratch.position[i])) {
+                speeds.add_wall(&old, &new);
+            }
+            of_walls = single::wall_motion(model, state, scratch, c);
+        }
+        let [wall_old, wall] = of_walls;
+        let load = speeds.load.max((wall.normal - wall_old.normal).abs());
+        let slip = if c.law(model).tangential_restitution == 0.0 {
+            [0.0; 2]
+        } else {
+            let (v, w) = (state.velocity[i], state.angular_velocity[i]);
+            against::<MOVING>(single::motion(c, model.radius[i], v, w), &wall_old).slip
+        };
+        let measured = single::motion(c, model.radius[i], motion[0], motion[1]);
+        let lone = Lone {
+            model,
+            c,
+            motion,
+            wall,
+            check: against::<MOVING>(measured, &wall),
+            approach: c.n0.dot(state.velocity[i]) - wall_old.normal,
+            slip,
+            tol: speeds.closing_tolerance(&model.options, 1, load),
+        };
+        (lone, speeds.largest() == 0.0)
+    }
+
     /// Measures of the problem by a law.
     #[inline(always)]
     fn measures(&self, law: Law) -> ContactMeasures {

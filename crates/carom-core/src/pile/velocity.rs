@@ -54,13 +54,7 @@ impl Pile {
         island: Island,
         report: &mut StepReport,
     ) -> bool {
-        let Task {
-            model,
-            state,
-            level,
-            span,
-            ..
-        } = *task;
+        let (model, state, span) = (task.model, task.state, task.span);
         self.open(model, state, scratch, island, span);
         if self.velocity.speed == 0.0 {
             return true;
@@ -78,10 +72,10 @@ impl Pile {
             linear: scratch.linear,
             walls: scratch.walls,
             span,
-            again: level == Level::Velocity && model.options.loads_once(),
+            again: task.level == Level::Velocity && model.options.loads_once(),
             report: &mut own,
         };
-        if level == Level::Loads {
+        if task.level == Level::Loads {
             let Some([resting, _]) = loads(&mut spheres) else {
                 return false;
             };
@@ -106,35 +100,40 @@ impl Pile {
         island: Island,
         span: Span,
     ) {
-        let IslandScratch {
-            contacts,
-            position,
-            linear,
-            angular,
-            solve,
-            walls,
-            ..
-        } = scratch;
-        let (contacts, position): (&[Contact], _) = (contacts, *position);
-        let list = island.contacts;
-        self.begin(model, contacts, list, &mut solve.node_of, position);
-        let threads = self.sweeps.threads;
-        let memory = &mut self.velocity;
-        memory.known.clear();
-        memory.table.begin(model.every_impact);
+        let (contacts, list): (&[Contact], _) = (scratch.contacts, island.contacts);
+        let node_of = &mut scratch.solve.node_of;
+        self.begin(model, contacts, list, node_of, scratch.position);
+        self.velocity.known.clear();
+        self.velocity.table.begin(model.every_impact);
+        self.velocity.terms = 0.0;
         let mut speeds = Speeds::default();
-        memory.driven.clear();
-        let once = model.options.loads_once();
+        self.take_contacts(model, state, scratch, list, &mut speeds);
+        self.take_motion(model, state, scratch, &mut speeds);
+        self.set_tolerances(model, &speeds, span);
+    }
+
+    /// The closed contacts, with the velocities of walls that move.
+    fn take_contacts(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &IslandScratch,
+        list: &[u32],
+        speeds: &mut Speeds,
+    ) {
+        let (contacts, walls) = (&*scratch.contacts, scratch.walls);
+        let (memory, once) = (&mut self.velocity, model.options.loads_once());
         let twists = |c: &Contact| {
             let from = state.position[c.a as usize];
             // Where loads are solved once the smooth step may have left the surface: it is the surface that moves.
             let left = if once { c.gap * c.n1 } else { DVec3::ZERO };
-            let to = position[c.a as usize] - left;
+            let to = scratch.position[c.a as usize] - left;
             Some([
                 walls.start_twist(model, c, from)?,
                 walls.end_twist(model, c, to)?,
             ])
         };
+        memory.driven.clear();
         let mut places = Vec::new();
         if walls.any_moves() {
             places.extend(list.iter().map(|&index| {
@@ -147,7 +146,7 @@ impl Pile {
                 memory.driven.len() as u32 - 1
             }));
         }
-        let node_of = &solve.node_of;
+        let (threads, node_of) = (self.sweeps.threads, &scratch.solve.node_of);
         chunks::refill(threads, &mut memory.closed, list.len(), |k| {
             let index = list[k];
             let c = &contacts[index as usize];
@@ -171,6 +170,18 @@ impl Pile {
                 Turning::new(c, twists(c).map_or([DVec3::ZERO; 2], |t| t.map(|t| t.spin)))
             }));
         }
+    }
+
+    /// Velocities of the spheres.
+    fn take_motion(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &IslandScratch,
+        speeds: &mut Speeds,
+    ) {
+        let (linear, angular) = (scratch.linear, scratch.angular);
+        let (threads, memory) = (self.sweeps.threads, &mut self.velocity);
         let (spheres, nodes) = (&self.spheres, self.spheres.len());
         chunks::refill(threads, &mut memory.check, nodes, |k| {
             let i = spheres[k] as usize;
@@ -192,11 +203,7 @@ impl Pile {
             }
             own
         });
-        for own in parts {
-            speeds.join(&own);
-        }
-        memory.terms = 0.0;
-        self.set_tolerances(model, &speeds, span);
+        parts.iter().for_each(|own| speeds.join(own));
     }
 
     /// What counts as closing, and the floor of residuals, by the speeds of the island.
