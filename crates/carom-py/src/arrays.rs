@@ -9,16 +9,6 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// A dict of these entries.
-macro_rules! dict {
-    ($py:expr, $($name:literal: $value:expr),+ $(,)?) => {{
-        let out = pyo3::types::PyDict::new($py);
-        $(out.set_item($name, $value)?;)+
-        out
-    }};
-}
-pub(crate) use dict;
-
 /// Fetches a required entry.
 pub fn item<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     dict.get_item(name)?

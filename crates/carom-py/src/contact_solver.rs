@@ -1,6 +1,6 @@
 //! Contact problems from arrays to the solvers and back.
 
-use crate::arrays::dict;
+use crate::dict::dict;
 use carom_solve::ladder;
 use carom_solve::problem::{Problem, ProblemError};
 use carom_solve::solver::{self, Settings, Stage};

@@ -4,6 +4,7 @@ mod arrays;
 mod contact_solver;
 mod convert;
 mod coupling;
+mod dict;
 mod element;
 mod expression;
 mod flow;
@@ -13,7 +14,7 @@ mod state;
 mod tables;
 mod walls;
 
-use arrays::dict;
+use dict::dict;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

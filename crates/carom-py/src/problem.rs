@@ -1,6 +1,7 @@
 //! Kept contact problems as dicts of arrays.
 
-use crate::arrays::{dict, put, Table};
+use crate::arrays::{put, Table};
+use crate::dict::dict;
 use carom_core::problem::KeptProblem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -1,7 +1,8 @@
 //! The class `Simulation`.
 
-use crate::arrays::{self, dict, put, Table};
+use crate::arrays::{self, put, Table};
 use crate::convert::{self};
+use crate::dict::dict;
 use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{

@@ -1,6 +1,7 @@
 //! The tables of a block, and outcomes, as dicts of arrays.
 
-use crate::arrays::{dict, put, Table};
+use crate::arrays::{put, Table};
+use crate::dict::dict;
 use carom_core::record::{Block, ContactRecord, ResidualRecord, TimedImpact};
 use carom_core::report::Column;
 use carom_core::transition::Transition;
