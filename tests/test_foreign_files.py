@@ -326,3 +326,31 @@ def test_names_are_shown_and_not_obeyed_by_a_terminal(floored: Path, tmp_path: P
         code, told = carom_says(command[0], run, *command[1:])
         assert code in (0, 3), told
         assert not set("\x1b\x07\x9b\u202e\r") & set(told)
+
+
+def test_files_whose_names_are_no_text_are_as_others(tmp_path: Path) -> None:
+    """Their bytes are lone surrogates in Python, which no UTF-8 has: `run.json` could not be written, nor tables."""
+    folder = tmp_path / os.fsdecode(b"folder\x9b")
+    folder.mkdir()
+    scenario = Path(shutil.copy(SCENARIO, folder / os.fsdecode(b"balls\x9b.toml")))
+    run, study = folder / "run", folder / os.fsdecode(b"study\x9b.toml")
+    study.write_text(
+        f'format = 1\nscenario = "three_balls"\n[parameters]\nstep = [{1e-4}, {2e-4}]\n[run]\nuntil = 0.01\n'
+    )
+    for words in (
+        ("run", scenario, "-o", run, "--until", "0.01"),
+        ("info", run),
+        ("check", run),
+        ("resume", run, "--until", "0.02"),
+        ("export", run, "--format", "parquet"),
+        ("export", run, "--format", "parquet"),
+        ("sweep", study, "-o", folder / "study", "--workers", "0"),
+        ("sweep", study, "-o", folder / "study", "--workers", "0"),
+    ):
+        code, told = carom_says(*words)
+        assert code == 0, told
+    assert json.loads((run / "run.json").read_text())["scenario"]["file"] == scenario.name
+    narrow = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    program = [sys.executable, "-m", "carom", "info", str(run)]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60, env=narrow)
+    assert (done.returncode, "folder?" in done.stdout) == (0, True), done.stderr

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import http.client
 import json
+import socket
+import struct
 import time
 import urllib.error
 import urllib.request
@@ -150,7 +152,12 @@ def test_what_cannot_be_is_refused_with_words() -> None:
             Aim.of(given)
     with pytest.raises(CaromError, match="misses the ball"):
         game.sight(Aim(side=1.2))
-    for at, told in (((1.5, 0.6), "overlap 1"), ((-1.0, 0.5), "outside"), (("a", 0.5), "finite")):
+    for at, told in (
+        ((1.5, 0.6), "overlap 1"),
+        ((-1.0, 0.5), "outside"),
+        (("a", 0.5), "finite"),
+        ((1.0, True), "finite"),
+    ):
         with pytest.raises(CaromError, match=told):
             game.place(CUE, at)  # type: ignore[arg-type]
     with pytest.raises(CaromError, match='no ball called "9"'):
@@ -232,6 +239,18 @@ def test_a_length_beyond_all_integers_is_refused() -> None:
         ask = http.client.HTTPConnection(address.netloc, timeout=20)
         ask.request("POST", f"{address.path}aim", headers={"Content-Length": "9" * 5000})
         assert ask.getresponse().status == 413
+
+
+def test_a_page_that_breaks_off_is_no_error(capfd: pytest.CaptureFixture[str]) -> None:
+    with Server(two_balls(), port=0) as server:
+        address = urlsplit(server.url)
+        for _ in range(5):
+            with socket.create_connection((address.hostname, address.port), timeout=20) as page:
+                page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # it resets
+                page.sendall(f"POST {address.path}aim HTTP/1.1\r\nHost: {address.netloc}\r\n".encode())
+        assert Asker(server.url)("state")[0] == 200
+        time.sleep(0.2)
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_lines_of_aim_come_as_fast_as_a_screen_draws() -> None:

@@ -226,6 +226,38 @@ class TestInThisProcess:
         assert 0 < again.progress.new < 16
         assert again.table.drop_columns("seconds").equals(first.table.drop_columns("seconds"))
 
+    @pytest.mark.parametrize("what", ["the whole table", "a column twice", "no outcomes", "whole numbers"])
+    def test_a_table_that_is_no_part_is_as_if_it_were_not_there(self, what: str, files: Path) -> None:
+        import pyarrow as arrow
+        from pyarrow import parquet
+
+        first = carom.sweep(files / "study.toml", files / "out", workers=0)
+        part = sorted((files / "out" / "parts").glob("*.parquet"))[0]
+        table = parquet.read_table(part)
+        changed = {
+            "the whole table": parquet.read_table(files / "out" / "sweep.parquet"),
+            "a column twice": table.append_column("time", table["time"]),
+            "no outcomes": table.drop_columns(["outcome"]),
+            "whole numbers": table.append_column("n", arrow.array([1] * len(table))),
+        }
+        parquet.write_table(changed[what], part)
+        again = carom.sweep(files / "study.toml", files / "out", workers=0)
+        assert again.progress.new == len(table)
+        assert again.table.drop_columns("seconds").equals(first.table.drop_columns("seconds"))
+
+    def test_parts_that_do_not_fit_together_are_named(self, files: Path) -> None:
+        import pyarrow as arrow
+        from pyarrow import parquet
+
+        carom.sweep(files / "study.toml", files / "out", workers=0)
+        part = sorted((files / "out" / "parts").glob("*.parquet"))[0]
+        table = parquet.read_table(part)
+        text = arrow.array(["x"] * len(table), arrow.string())
+        changed = table.set_column(table.column_names.index("time"), "time", text)
+        parquet.write_table(changed, part.with_name("other.parquet"))
+        with pytest.raises(CaromError, match=r"time is (string|double), and .* remove the part"):
+            carom.sweep(files / "study.toml", files / "out", workers=0)
+
     def test_two_drivers_at_once_are_refused(self, files: Path) -> None:
         from carom.many.sweep.folder import Folder
 

@@ -7,11 +7,12 @@ in one goes through `inside` (folders of it) and `opened` (files of it), so noth
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from carom.errors import CaromError
 
@@ -89,6 +90,12 @@ def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents:
         with suppress(OSError):
             temporary.unlink()
         raise RecordError(f"cannot write {path}: {unwritable(error)}") from error
+
+
+def json_bytes(content: Any, **options: Any) -> bytes:
+    """A line of JSON. Names of files may be no text: Python has their bytes as lone surrogates, which JSON can escape."""
+    text = json.dumps(content, ensure_ascii=False, **options) + "\n"
+    return text.encode(errors="backslashreplace")
 
 
 def _sync_directory(path: Path) -> None:

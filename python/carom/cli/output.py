@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import os
 import signal
 import sys
@@ -15,17 +14,18 @@ from typing import Any, ParamSpec, TextIO
 import typer
 
 from carom.errors import CaromError, ScenarioError
+from carom.files import json_bytes
 from carom.text import seconds as seconds
 
 P = ParamSpec("P")
 
 DONE, CRASH, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 
-#: What a terminal would obey instead of showing it: control characters, and those that turn the direction of the text.
-CONTROLS = {*range(32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A)} - {
-    ord("\n"),
-    ord("\t"),
-}
+#: What a terminal would obey instead of showing it: control characters, and those that turn the direction of the text;
+#: and lone surrogates, which are no text: bytes of the names of files.
+CONTROLS = {
+    *range(32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A), *range(0xD800, 0xE000)
+} - {ord("\n"), ord("\t")}  # fmt: skip
 SHOWN = dict.fromkeys(CONTROLS, "\ufffd")
 
 #: Set to see where an error of Carom itself comes from.
@@ -75,8 +75,9 @@ class Printable:
         self.raw = raw
 
     def write(self, text: str) -> int:
-        """Write `text` with a mark for each character that a terminal would obey."""
-        self.raw.write(text.translate(SHOWN))
+        """Write `text` with a mark for each character that a terminal would obey, or that its encoding has not."""
+        coding = self.raw.encoding or "utf-8"
+        self.raw.write(text.translate(SHOWN).encode(coding, "replace").decode(coding))
         return len(text)
 
     def __getattr__(self, name: str) -> Any:
@@ -108,7 +109,7 @@ def fail(message: str, code: int, as_json: bool = False, **facts: Any) -> int:
 
 def emit(document: Any) -> None:
     """The one JSON document of a command with `--json`. What is not a finite number becomes null, as JSON demands."""
-    print(json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False))
+    print(json_bytes(_finite(document), indent=2, allow_nan=False).decode(), end="")
 
 
 def note(message: str) -> None:

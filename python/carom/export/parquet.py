@@ -42,17 +42,18 @@ def _write(sheet: Sheet, path: Path) -> None:
     import pyarrow as arrow
     from pyarrow import parquet
 
-    with whole_file(path) as temporary:
+    # Opened here: the name of a file may be no text, which pyarrow refuses.
+    with whole_file(path) as temporary, open(temporary, "wb") as file:
         writer = None
         try:
             for columns in _grouped(sheet):
                 table = as_arrow(columns, sheet.units)
                 if writer is None:
-                    writer = parquet.ParquetWriter(temporary, table.schema, compression="zstd")
+                    writer = parquet.ParquetWriter(file, table.schema, compression="zstd")
                 writer.write_table(table.cast(writer.schema))
             if writer is None:
                 empty = arrow.table({name: arrow.array([], arrow.float64()) for name in sheet.units})
-                writer = parquet.ParquetWriter(temporary, empty.schema)
+                writer = parquet.ParquetWriter(file, empty.schema)
         finally:
             if writer is not None:
                 writer.close()
@@ -64,7 +65,8 @@ def _columns(path: Path) -> list[str] | None:
     from pyarrow import parquet
 
     try:
-        return list(parquet.read_schema(path).names)
+        with open(path, "rb") as file:
+            return list(parquet.read_schema(file).names)
     except (OSError, arrow.ArrowException):
         return None
 

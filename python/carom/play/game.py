@@ -58,7 +58,7 @@ class Aim:
             if name not in usual:
                 raise CaromError(f"play: a stroke has no {quoted(str(name))}; it has {', '.join(usual)}")
             truth = isinstance(usual[name], bool)
-            if isinstance(value, bool) != truth or not _finite(value):
+            if not (isinstance(value, bool) if truth else _finite(value)):
                 told = "true or false" if truth else "a finite number"
                 raise CaromError(f"play: {name} must be {told}, found {value!r}")
         aim = cls(**given)
@@ -248,5 +248,5 @@ def _with_balls(scene: Scene, balls: list[Sphere]) -> Scene:
 
 
 def _finite(value: Any) -> bool:
-    """False also for NaN and for integers beyond all floats."""
-    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
+    """False also for NaN, for integers beyond all floats, and for true and false."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

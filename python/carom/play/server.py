@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -37,6 +38,13 @@ TABLE_POLICY = "frame-ancestors 'self'"
 """All else the viewer's page says of itself."""
 
 
+class _Http(ThreadingHTTPServer):
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A page that is left or loaded anew breaks off what it had asked for: no error of ours."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
+
+
 class Server:
     """Serves a game until `stop`, or the end of a `with` block; `url` is where to play."""
 
@@ -46,7 +54,7 @@ class Server:
         self._token = secrets.token_urlsafe(16)
         self._lock = threading.Lock()
         try:
-            self._http = ThreadingHTTPServer((HOST, port), self._handler())
+            self._http = _Http((HOST, port), self._handler())
         except OSError as error:
             raise CaromError(
                 f"port {port} cannot be used ({error}); give another with --port (port=)"

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from carom.errors import CaromError
-from carom.files import RecordError, first_link, opened, reason, regular, unwritable, write_whole
+from carom.files import RecordError, first_link, json_bytes, opened, reason, regular, unwritable, write_whole
 
 #: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted. Wherever a removal is
 #: stopped the rest is in order: checkpoints go before the results that they continue, the scenario after both, and last
@@ -182,8 +182,7 @@ class RunDir:
 
     def write(self, about: Mapping[str, Any]) -> None:
         """Replace `run.json`."""
-        text = json.dumps(about, indent=2, ensure_ascii=False, allow_nan=True) + "\n"
-        write_whole(self.about, text.encode(), durable=self.durable)
+        write_whole(self.about, json_bytes(about, indent=2), durable=self.durable)
 
     def write_scenario(self, text: str) -> None:
         """Replace `scenario.toml`."""
@@ -191,9 +190,9 @@ class RunDir:
 
     def write_in_place(self, about: Mapping[str, Any]) -> None:
         """Overwrite `run.json` where it lies: the last resort on a full disk, which has no room for a second file."""
-        text = json.dumps(about, ensure_ascii=False) + "\n"
+        text = json_bytes(about)
         with suppress(OSError, RecordError), opened(self.about, os.O_RDWR, "r+b") as file:
-            file.write(text.encode())
+            file.write(text)
             file.truncate()
 
     def log(self, event: str, **facts: Any) -> None:
@@ -201,7 +200,7 @@ class RunDir:
         if self._log is not None:
             line = {"time": datetime.now(UTC).isoformat(timespec="milliseconds"), "event": event, **facts}
             with suppress(OSError):  # the log is a courtesy; the results report a full disk
-                self._log.write(json.dumps(line, ensure_ascii=False) + "\n")
+                self._log.write(json_bytes(line).decode())
                 self._log.flush()
 
     @contextmanager

@@ -9,7 +9,6 @@ plots/          figures with their numbers
 
 from __future__ import annotations
 
-import json
 import os
 import time
 import uuid
@@ -24,7 +23,7 @@ import numpy as np
 from carom.arrays import Array
 from carom.errors import CaromError
 from carom.export.parquet import require_pyarrow
-from carom.files import RecordError, inside, opened, regular, unwritable, write_whole
+from carom.files import RecordError, inside, json_bytes, opened, regular, unwritable, write_whole
 from carom.many.sweep import origin
 from carom.many.sweep.study import Study
 from carom.result.kinematics import QUANTITIES
@@ -33,6 +32,8 @@ from carom.result.kinematics import QUANTITIES
 MOST_PARTS = 64
 #: Seconds after which a file that was never renamed belongs to nobody.
 SCRAP_SECONDS = 3600.0
+#: Columns that every part has.
+NAMED = ("id", "outcome")
 UNITS = {name: unit for name, (_, unit) in QUANTITIES.items()}
 #: Columns of their own; what is not here and no place, velocity or energy has no unit that is known.
 OWN_UNITS = {"time": "s", "seconds": "s", "penetration_max": "m"}
@@ -102,7 +103,7 @@ class Folder:
     def outcomes(self, pattern: str = "*") -> dict[str, str]:
         """Outcome by the name of the case, of all rows in parts whose names match."""
         found: dict[str, str] = {}
-        for _, part in self._read(pattern, ["id", "outcome"]):
+        for _, part in self._read(pattern, list(NAMED)):
             # A case that failed once and was tried again has two rows; what went well counts.
             for name, outcome in zip(part["id"].to_pylist(), part["outcome"].to_pylist(), strict=True):
                 if found.get(name) != "done":
@@ -134,11 +135,14 @@ class Folder:
         )
         for path in files:
             try:
-                with parquet.ParquetFile(regular(path)) as file:
+                with open(regular(path), "rb") as part, parquet.ParquetFile(part) as file:
                     there = file.schema_arrow.names
+                    if not _as_written(arrow, file.schema_arrow):
+                        continue
                     table = file.read([name for name in columns or there if name in there])
+                    table.validate(full=True)
                 yield path, table
-            except (arrow.ArrowInvalid, OSError, CaromError):
+            except (arrow.ArrowException, OSError, CaromError):
                 continue
 
     def gather(self, study: Study) -> Any:
@@ -147,6 +151,15 @@ class Folder:
         read = list(self._read("*"))
         if not read:
             return None
+        known: dict[str, tuple[Any, Path]] = {}
+        for path, table in read:
+            for field in table.schema:
+                kind, other = known.setdefault(field.name, (field.type, path))
+                if kind != field.type:
+                    raise CaromError(
+                        f"{path}: {field.name} is {field.type}, and {kind} in {other.name}; remove the part that is not of"
+                        " this study, and the same call computes its cases again"
+                    )
         whole = arrow.concat_tables([table for _, table in read], promote_options="permissive")
         if (
             len(read) > MOST_PARTS
@@ -168,8 +181,15 @@ class Folder:
 
     def note(self, facts: Mapping[str, Any]) -> None:
         """Replace `sweep.json`."""
-        text = json.dumps(facts, indent=2, ensure_ascii=False, default=str) + "\n"
-        write_whole(self.about, text.encode(), durable=False)
+        write_whole(self.about, json_bytes(facts, indent=2, default=str), durable=False)
+
+
+def _as_written(arrow: Any, schema: Any) -> bool:
+    """Whether a table has the columns of a part: those by which rows are told, each name once, of text or numbers."""
+    kinds = (arrow.string(), arrow.float64())
+    told = all(schema.get_field_index(name) >= 0 and schema.field(name).type == kinds[0] for name in NAMED)
+    once = len(set(schema.names)) == len(schema.names) and "case" not in schema.names
+    return told and once and all(kind in kinds for kind in schema.types)
 
 
 def _table(arrow: Any, columns: Mapping[str, Array]) -> Any:

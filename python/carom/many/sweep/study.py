@@ -152,8 +152,8 @@ class Study:
             return cls.of(
                 _scenario(path, raw["scenario"]), raw.get("parameters"), design=kind, **design,
                 table=None if file is None else path.parent / str(file), set=raw.get("set"), case=raw.get("case"),
-                title=str(raw.get("title", path.stem)), keep_runs=keep.get("runs", False), bodies=keep.get("bodies"),
-                measure=measure, **raw.get("run", {}),
+                title=str(raw.get("title", path.stem.encode(errors="replace").decode())),
+                keep_runs=keep.get("runs", False), bodies=keep.get("bodies"), measure=measure, **raw.get("run", {}),
             )  # fmt: skip
         except CaromError as error:
             if type(error) is not CaromError or str(path) in str(error):

@@ -57,7 +57,7 @@ class Targets:
         rest = {name: name for name in points if name not in used}
         for name in rest:
             if not (name in known or _option(name, options) or _is_array(name)):
-                cure = did_you_mean(name, [*known, *(f"run.{key}" for key in options)])
+                cure = did_you_mean(name, [*known, *(f"run.{key}" for key in sorted(options))])
                 raise CaromError(
                     f"parameters.{name} goes nowhere: {source} has no parameter of this name ({cure}); name it in [set],"
                     f' as "cue.velocity.x" = "= {name}"'
