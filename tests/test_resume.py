@@ -356,7 +356,7 @@ def test_a_run_json_that_was_altered_is_refused_in_words(
 
 
 def test_a_part_of_a_run_that_was_killed_stays_listed(tmp_path: Path) -> None:
-    """`run.json` names the results files of all parts; one without `to_step` was killed."""
+    """`run.json` names the results files of all parts. One that was killed has no `to_step` until the next one begins."""
     run = tmp_path / "run"
     program = (
         "import os, signal, sys, carom\n"
@@ -370,5 +370,12 @@ def test_a_part_of_a_run_that_was_killed_stays_listed(tmp_path: Path) -> None:
     assert "to_step" not in killed
     assert carom.resume(run).outcome.ok
     first, second = about(run)["segments"]
-    assert first == killed
+    assert {key: first[key] for key in ("file", "from_step", "started")} == {
+        key: killed[key] for key in ("file", "from_step", "started")
+    }
+    assert first["to_step"] == second["from_step"] == 60
+    assert 0.0 < first["core_s"] < first["wall_s"]
     assert (second["file"], second["to_step"]) == ("results-0002.h5", 200)
+    summary = about(run)["summary"]
+    assert summary["wall_s"] == first["wall_s"] + second["wall_s"]
+    assert carom.audit.check(run).ok

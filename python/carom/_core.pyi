@@ -46,6 +46,8 @@ class Block(TypedDict):
     outcome: dict[str, Any] | None
     events: NotRequired[dict[str, Any]]
     transitions: NotRequired[dict[str, Any]]
+    core_s: NotRequired[float]
+    """Seconds of the call, by who called (`carom.run.loop`)."""
 
 def defaults() -> dict[str, float | int | bool | str]:
     """Every option of `[run]` that is numerical, with its default: the one place where defaults are stated."""

@@ -37,7 +37,7 @@ CONTINUED_IF_THERE: Mapping[str, tuple[type, ...]] = {
 
 #: Of each entry of a list, and of the wish to keep problems.
 ENTRIES: Mapping[str, Mapping[str, tuple[type, ...]]] = {
-    "segments": {"wall_s": (int, float), "core_s": (int, float)},
+    "segments": {"from_step": (int,), "wall_s": (int, float), "core_s": (int, float)},
     "changes": {"after_step": (int,), "options": (dict,)},
     "save_problems": {"choice": (str,), "form": (str,)},
 }

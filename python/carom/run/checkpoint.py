@@ -45,6 +45,10 @@ class Checkpoint:
     state: Mapping[str, Any]
     version: str = ""  # of the core that computed it
     build: str = ""  # and of its machine code, if it is known
+    spent: tuple[float, float] = (
+        0.0,
+        0.0,
+    )  # `wall_s` and `core_s` of the part of the run that wrote it, so far
 
 
 def save(directory: Path, checkpoint: Checkpoint) -> Path:
@@ -58,6 +62,7 @@ def save(directory: Path, checkpoint: Checkpoint) -> Path:
         "scenario": checkpoint.scenario,
         "version": checkpoint.version,
         "build": checkpoint.build,
+        "spent": checkpoint.spent,
         "state": _pack(checkpoint.state, arrays),
     }
     text = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
@@ -93,8 +98,16 @@ def load(path: Path) -> Checkpoint:
         if head["format"] != FORMAT:
             raise ValueError(f"it has format {head['format']}, wanted {FORMAT}")
         rows, state = Rows(*head["rows"]), _unpack(head["state"], arrays)
+        wall_s, core_s = (float(seconds) for seconds in head.get("spent", (0.0, 0.0)))
         found = Checkpoint(
-            head["step"], head["time"], rows, head["scenario"], state, head["version"], head["build"]
+            head["step"],
+            head["time"],
+            rows,
+            head["scenario"],
+            state,
+            head["version"],
+            head["build"],
+            (wall_s, core_s),
         )
         texts, counts = (found.scenario, found.version, found.build), (found.step, *found.rows)
         if not (

@@ -111,6 +111,19 @@ def put_aside(directory: RunDir, chosen: Checkpoint | None, wish: Wish) -> list[
     return [path.name for path in passed]
 
 
+def end_killed(segments: list[dict[str, Any]], chosen: Checkpoint | None) -> None:
+    """Say where the last part of a run ended that was killed, and what it took: by the checkpoint from which the next one
+    goes on. What it computed after that does not count.
+    """
+    if segments and "to_step" not in segments[-1]:
+        part = segments[-1]
+        begun = part["from_step"]
+        if chosen is None or chosen.step <= begun:
+            part["to_step"] = begun  # and it took nothing that counts
+        else:
+            part["to_step"], (part["wall_s"], part["core_s"]) = chosen.step, chosen.spent
+
+
 def _free(path: Path) -> Path:
     """`path`, or with the first number from 2 on that makes it the name of nothing: what was put aside stays."""
     numbered = (path.with_name(f"{path.name}{n}") for n in itertools.count(2))

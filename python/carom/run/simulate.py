@@ -286,6 +286,7 @@ def relaunch(
             directory.log("remark", message=remark)
         if wish.anew:  # those of the old results, which are put aside
             about["segments"] = []
+        restart.end_killed(about["segments"], saved)
         changes.note_changes(directory, about, before, run.model, run.simulation.step)
         about.update(status="running", outcome=None)
         for of_the_end in ("summary", "finished"):
@@ -446,7 +447,7 @@ class Run:
         )
 
     def open_segment(self, writer: Writer) -> None:
-        """List the part of the run that begins in `about`: one that is killed stays there, without `to_step`."""
+        """List the part of the run that begins in `about`: one that is killed stays there (`restart.end_killed`)."""
         begun = {"file": writer.path.name, "from_step": self.simulation.step, "started": now()}
         self.about["segments"].append({**begun, "wall_s": 0.0, "core_s": 0.0})
 

@@ -206,6 +206,7 @@ class Checkpoints(Sink):
 
     def start(self, simulation: Simulation) -> None:
         self._last, self._wall = time.perf_counter(), self._cadence.first_wall()
+        self._begun, self._core = self._last, 0.0
         self._due = self._cadence.next_step(simulation.step, self._plan.step)
         if simulation.step == self._plan.grid_end < self._plan.steps:
             self._save(simulation)
@@ -215,6 +216,7 @@ class Checkpoints(Sink):
 
     def take(self, simulation: Simulation, block: Block) -> None:
         step, plan = simulation.step, self._plan
+        self._core += block.get("core_s", 0.0)
         due = step == self._due or time.perf_counter() - self._last > self._wall
         before_last = step == plan.grid_end < plan.steps
         if block["outcome"] is None and (before_last or (due and step < plan.grid_end)):
@@ -244,6 +246,7 @@ class Checkpoints(Sink):
                 state,
                 _core.__version__,
                 checkpoint.build(),
+                (start - self._begun, self._core),
             ),
         )
         self._last = time.perf_counter()
