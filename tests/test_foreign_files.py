@@ -298,6 +298,20 @@ def test_results_before_a_column_are_shown_and_not_judged_or_continued(floored: 
         assert "damaged" not in told
 
 
+def test_an_older_first_part_is_not_continued(floored: Path, tmp_path: Path) -> None:
+    """The second part has the column that the first one lacks."""
+    run = Path(shutil.copytree(floored, tmp_path / "run"))
+    carom.resume(run, until=carom.load(run).time[-1] + 0.01)
+    assert (run / "results-0002.h5").exists()
+    in_results(without("steps", "stepped"))(run)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    assert carom_says("info", run)[0] == 0
+    for command in (("check",), ("resume", "--until", "1")):
+        code, told = carom_says(command[0], run, *command[1:])
+        assert (code, "older Carom" in told) == (2, True), told
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+
+
 def test_a_step_beyond_all_floats_is_a_false_claim(floored: Path, tmp_path: Path) -> None:
     run = Path(shutil.copytree(floored, tmp_path / "run"))
     outcome = json.loads((run / "run.json").read_text())["outcome"]
