@@ -62,12 +62,8 @@ pub(crate) fn positive(
     if value > 0.0 && value.is_finite() && (1.0 / value).is_finite() {
         return Ok(());
     }
-    Err(entry(
-        kind,
-        index,
-        quantity,
-        format!("is {value}; it must be finite and above 0"),
-    ))
+    let text = format!("is {value}; it must be finite and above 0");
+    Err(entry(kind, index, quantity, text))
 }
 
 pub(crate) fn finite(
@@ -79,12 +75,8 @@ pub(crate) fn finite(
     if values.iter().all(|x| x.is_finite()) {
         return Ok(());
     }
-    Err(entry(
-        kind,
-        index,
-        quantity,
-        format!("is {values:?}; it must be finite"),
-    ))
+    let text = format!("is {values:?}; it must be finite");
+    Err(entry(kind, index, quantity, text))
 }
 
 /// Why a step could not be made.

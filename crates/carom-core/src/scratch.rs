@@ -22,6 +22,7 @@ use carom_geom::NeighbourList;
 use glam::DVec3;
 
 /// Scratch memory of a step.
+#[derive(Default)]
 pub struct Scratch {
     /// Per sphere: translation and rotation predictions.
     pub linear: Vec<Prediction>,
@@ -93,31 +94,17 @@ impl Scratch {
             smallest: model.radius.iter().copied().fold(f64::INFINITY, f64::min),
             neighbours,
             walls: Walls::new(model),
-            contacts: Vec::new(),
-            overlaps: Vec::new(),
             islands: Islands::new(model.options.threads as usize),
-            sharing: Sharing::default(),
-            impact: ImpactScratch::default(),
             smooth: SmoothScratch::new(model),
             trial: Trial::new(model),
             solve: SolveScratch::new(model),
-            warm: Vec::new(),
-            impacts: Vec::new(),
-            impact_times: Vec::new(),
-            transitions: Vec::new(),
-            left: Left::default(),
-            history: Default::default(),
-            keeper: Keeper::default(),
             pile: Pile::new(),
-            load_error: None,
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
             wall_impulse: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
-            power: 0.0,
+            ..Scratch::default()
         }
     }
-}
 
-impl Scratch {
     /// Gives back what a level was solved with, if it is much.
     pub fn end_level(&mut self) {
         if is_huge(&self.contacts) {

@@ -26,7 +26,7 @@ const SAMPLE: u64 = 32;
 /// [`SAMPLE`] others.
 const WARM_UP: u64 = 64;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Timers {
     /// Of the timed steps: those that count once, and those that stand for others.
     exact: [f64; 7],
@@ -37,20 +37,6 @@ pub struct Timers {
     sampled: u64,
     once: bool,
     last: Option<Instant>,
-}
-
-impl Default for Timers {
-    fn default() -> Self {
-        Timers {
-            exact: [0.0; 7],
-            seconds: [0.0; 7],
-            steps: 0,
-            sampling: 0,
-            sampled: 0,
-            once: true,
-            last: None,
-        }
-    }
 }
 
 impl Timers {

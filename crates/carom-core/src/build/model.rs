@@ -33,12 +33,8 @@ impl Model {
             let q = input.orientation[i];
             let size = q.iter().map(|x| x * x).sum::<f64>().sqrt();
             if (size - 1.0).abs() > 1e-6 {
-                return Err(entry(
-                    "sphere",
-                    i,
-                    "orientation",
-                    format!("has norm {size}, expected 1"),
-                ));
+                let text = format!("has norm {size}, expected 1");
+                return Err(entry("sphere", i, "orientation", text));
             }
         }
         finite("world", 0, "gravity", &input.gravity)?;
@@ -218,12 +214,8 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
     let named = input.laws.iter().flat_map(|(a, b, _)| [*a, *b]);
     let materials = used.chain(named).max().map_or(0, |m| m as usize + 1);
     if materials > 4096 {
-        return Err(entry(
-            "world",
-            0,
-            "material",
-            format!("ids go up to {materials}; at most 4096 are admitted"),
-        ));
+        let text = format!("ids go up to {materials}; at most 4096 are admitted");
+        return Err(entry("world", 0, "material", text));
     }
     let mut table = vec![0u32; materials * materials];
     let mut laws = Vec::with_capacity(input.laws.len());
@@ -231,44 +223,33 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
         ("friction", "friction_law", &input.friction_law),
         ("restitution", "restitution_law", &input.restitution_law),
     ];
+    let expected = input.laws.len();
     for (_, name, list) in varying {
-        if !list.is_empty() && list.len() != input.laws.len() {
+        if !list.is_empty() && list.len() != expected {
             return Err(ModelError::Length {
                 name,
                 found: list.len(),
-                expected: input.laws.len(),
+                expected,
             });
         }
     }
     for (index, (a, b, values)) in input.laws.iter().enumerate() {
         let [mu, e_n, e_t, rho, delta] = *values;
         finite("contact law", index, "coefficients", values)?;
-        for (quantity, value) in [
-            ("friction", mu),
-            ("rolling_radius", rho),
-            ("spinning_radius", delta),
-        ] {
-            if value < 0.0 {
-                return Err(entry(
-                    "contact law",
-                    index,
-                    quantity,
-                    format!("is {value}; it must not be negative"),
-                ));
-            }
-        }
-        if !(0.0..=1.0).contains(&e_n) {
-            let text = format!("is {e_n}; it must lie in [0, 1]");
-            return Err(entry("contact law", index, "restitution", text));
-        }
-        if !(-1.0 < e_t && e_t < 1.0) {
-            let text = format!("is {e_t}; it must lie in (-1, 1)");
-            return Err(entry("contact law", index, "tangential_restitution", text));
-        }
         let stiffness = input.stiffness_ratio.get(index).copied().unwrap_or(1.0);
-        if !(stiffness > 0.0 && stiffness.is_finite()) {
-            let text = format!("is {stiffness}; it must be finite and above 0");
-            return Err(entry("contact law", index, "stiffness_ratio", text));
+        let stiff = stiffness > 0.0 && stiffness.is_finite();
+        #[rustfmt::skip]
+        let ranges = [
+            ("friction", mu, mu >= 0.0, "not be negative"),
+            ("rolling_radius", rho, rho >= 0.0, "not be negative"),
+            ("spinning_radius", delta, delta >= 0.0, "not be negative"),
+            ("restitution", e_n, (0.0..=1.0).contains(&e_n), "lie in [0, 1]"),
+            ("tangential_restitution", e_t, -1.0 < e_t && e_t < 1.0, "lie in (-1, 1)"),
+            ("stiffness_ratio", stiffness, stiff, "be finite and above 0"),
+        ];
+        if let Some((quantity, value, _, must)) = ranges.into_iter().find(|range| !range.2) {
+            let text = format!("is {value}; it must {must}");
+            return Err(entry("contact law", index, quantity, text));
         }
         let mut functions = [None, None];
         for (function, (quantity, _, list)) in functions.iter_mut().zip(varying) {

@@ -3,11 +3,11 @@
 
 use super::law::Law;
 use crate::impact::memory::ImpactScratch;
+use crate::impact::on::On;
 use crate::islands::Island;
 use crate::joint::add_reaction;
 use crate::level::coupling::Trial;
 use crate::model::Model;
-use crate::report::StepReport;
 use crate::rotation;
 use crate::rows::Rows;
 use crate::state::State;
@@ -143,7 +143,7 @@ impl ImpactScratch {
     pub(super) fn add_joints(&self, sub: &mut RowSystem) {
         let first = self.first_joint_row();
         for c in &self.full.contacts[self.members.len()..] {
-            let rows = c.row as usize..(c.row + c.dim) as usize;
+            let rows = c.rows();
             let row = sub.jac.len() as u32;
             sub.jac.extend_from_slice(&self.acting()[rows.clone()]);
             sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
@@ -159,21 +159,17 @@ impl ImpactScratch {
     }
 
     /// Stage J: joints and the change of loads alone, from `v_check`; what follows starts from its result.
-    pub(super) fn settle(
-        &mut self,
-        model: &Model,
-        state: &State,
-        scratch: &mut IslandScratch,
-        report: &mut StepReport,
-    ) -> bool {
+    pub(super) fn settle(&mut self, on: &mut On, state: &State) -> bool {
+        let model = on.model;
         self.chosen.clear();
         self.scale.clear();
         self.velocity.clone_from(&self.v_check);
         self.along_middle = false;
-        self.build(model, scratch.contacts, Law::Plastic);
-        if !self.solve_built(model, scratch, 0, None, report) {
+        self.build(model, on.scratch.contacts, Law::Plastic);
+        if !self.solve_built(on, 0, None) {
             return false;
         }
+        let scratch = &mut *on.scratch;
         self.balance();
         let first = self.first_joint_row();
         self.impulse[first..].copy_from_slice(&self.lambda);

@@ -11,6 +11,7 @@ pub mod energy;
 pub mod law;
 pub mod laws;
 mod memory;
+mod on;
 mod problem;
 mod reduced;
 pub mod rows;

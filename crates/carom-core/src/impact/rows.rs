@@ -4,12 +4,12 @@ use super::energy::Admit;
 use super::law::Law;
 use super::laws;
 use super::memory::ImpactScratch;
+use super::on::On;
 use super::problem::RowSolution;
 use super::sequence::{loads, solve_problem, ImpactIsland, Start};
 use crate::contact::{Contact, WorldImpulse};
 use crate::islands::Island;
 use crate::level::{rest, Demand, Task};
-use crate::model::Model;
 use crate::options::Problems;
 use crate::report::StepReport;
 use crate::state::{State, Warm};
@@ -33,7 +33,8 @@ pub fn solve_island(
             if o.impact.has_loads_first() && !rows.again && !rows.impacts {
                 rows.keep_warm();
             }
-            rows.work.finish(rows.model, rows.scratch, rows.report);
+            let on = &mut rows.on;
+            rows.work.finish(on.model, on.scratch, on.report);
         }
         solved
     };
@@ -54,11 +55,11 @@ pub fn solve_loads(
                 return false;
             };
             for (&m, resting) in rows.work.members.iter().zip(resting) {
-                rows.scratch.contacts[m as usize].resting = resting;
+                rows.on.scratch.contacts[m as usize].resting = resting;
             }
         }
         rows.keep_warm();
-        rows.work.give_loads(rows.scratch);
+        rows.work.give_loads(rows.on.scratch);
         true
     };
     on_rows(task, scratch, island, report, false, solve)
@@ -79,35 +80,37 @@ fn on_rows(
     let mut work = std::mem::take(scratch.impact);
     let accept = task.demand == Demand::Accepted;
     work.begin(model, state, scratch, island, span, accept);
-    let settled = island.is_free() || work.settle(model, state, scratch, report);
+    let mut on = On {
+        model,
+        scratch,
+        report,
+    };
+    let settled = island.is_free() || work.settle(&mut on, state);
     let still = work.speeds.largest() == 0.0;
     let mut rows = RowIsland {
         work: &mut work,
-        model,
+        on,
         state,
-        scratch,
-        report,
         impacts: false,
         again,
     };
     let solved = settled && solve(&mut rows, still);
-    *scratch.impact = work;
+    let on = rows.on;
+    *on.scratch.impact = work;
     solved
 }
 
-struct RowIsland<'r, 's> {
-    work: &'r mut ImpactScratch,
-    model: &'r Model,
+struct RowIsland<'w, 'r, 's> {
+    work: &'w mut ImpactScratch,
+    on: On<'r, 's>,
     state: &'r State,
-    scratch: &'r mut IslandScratch<'s>,
-    report: &'r mut StepReport,
     /// A problem other than that of the loads was solved.
     impacts: bool,
     /// The loads have been solved before positions were.
     again: bool,
 }
 
-impl ImpactIsland for RowIsland<'_, '_> {
+impl ImpactIsland for RowIsland<'_, '_, '_> {
     type Solution = RowSolution;
 
     fn slots(&self) -> usize {
@@ -127,7 +130,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn contact(&self, slot: usize) -> &Contact {
-        &self.scratch.contacts[self.work.members[slot] as usize]
+        &self.on.scratch.contacts[self.work.members[slot] as usize]
     }
 
     fn again(&self) -> bool {
@@ -152,50 +155,52 @@ impl ImpactIsland for RowIsland<'_, '_> {
         let warm = (start == Start::LastLoads).then(|| self.last_loads());
         self.impacts |= problem > 0;
         let closed = self.again
-            || self.model.options.impact.has_loads_first()
+            || self.on.model.options.impact.has_loads_first()
             || (self.work.chosen.iter()).any(|&slot| self.approaches(slot));
         self.work.table.begin_problem(problem, closed);
         if self.again && start == Start::LastLoads && self.still_hold() {
-            self.work
-                .take_loads(self.model, self.scratch.contacts, &warm.unwrap_or_default());
+            self.work.take_loads(
+                self.on.model,
+                self.on.scratch.contacts,
+                &warm.unwrap_or_default(),
+            );
             return true;
         }
-        let (model, scratch) = (self.model, &mut *self.scratch);
         if law == Law::Springs {
-            return self.work.press(model, scratch, self.report);
+            return self.work.press(&mut self.on);
         }
-        (self.work).solve_chosen(model, scratch, law, problem, warm.as_deref(), self.report)
+        (self.work).solve_chosen(&mut self.on, law, problem, warm.as_deref())
     }
 
     fn solve_without_restitution(&mut self, problem: u32) -> bool {
-        (self.work).solve_without_restitution(self.model, self.scratch, problem, self.report)
+        (self.work).solve_without_restitution(&mut self.on, problem)
     }
 
     fn compress(&mut self) -> Option<bool> {
-        (self.work).compress(self.model, self.scratch, self.report)
+        self.work.compress(&mut self.on)
     }
 
     fn add(&mut self, problem: u32) {
         self.work.problems += 1;
-        self.work.commit(self.scratch.contacts);
-        self.work.record(self.scratch.contacts, problem);
+        self.work.commit(self.on.scratch.contacts);
+        self.work.record(self.on.scratch.contacts, problem);
     }
 
     fn has_safeguard(&self) -> bool {
         // What was given up cannot be scaled further.
-        self.model.options.energy_safeguard && self.work.scale.iter().any(|&s| s > 0.0)
+        self.on.model.options.energy_safeguard && self.work.scale.iter().any(|&s| s > 0.0)
     }
 
     fn limits(&self, with: Option<&RowSolution>, admit: Admit) -> Option<Vec<f64>> {
-        self.work.limits(self.model, with, admit)
+        self.work.limits(self.on.model, with, admit)
     }
 
     fn tolerance(&self) -> f64 {
-        self.model.options.tolerance
+        self.on.model.options.tolerance
     }
 
     fn solve_finely(&mut self, problem: u32) {
-        self.work.solve_finely(self.model, self.scratch, problem);
+        self.work.solve_finely(&mut self.on, problem);
     }
 
     fn balance(&mut self) {
@@ -216,7 +221,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn drop_chosen(&mut self) {
-        self.work.drop_chosen(self.scratch.contacts);
+        self.work.drop_chosen(self.on.scratch.contacts);
     }
 
     fn forget_all(&mut self, problem: u32) {
@@ -234,7 +239,7 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn gains_energy(&self) -> bool {
-        self.work.gains_energy(self.model)
+        self.work.gains_energy(self.on.model)
     }
 
     fn later(&mut self, law: Law, first: u32) -> Option<bool> {
@@ -263,19 +268,19 @@ impl ImpactIsland for RowIsland<'_, '_> {
     }
 
     fn bounds(&self) -> Problems {
-        self.model.options.problems(self.slots())
+        self.on.model.options.problems(self.slots())
     }
 
     fn report(&mut self) -> &mut StepReport {
-        self.report
+        self.on.report
     }
 }
 
-impl RowIsland<'_, '_> {
+impl RowIsland<'_, '_, '_> {
     /// Whether the loads that were solved before positions satisfy their conditions at these: no normal has turned by what would make a contact
     /// close.
     fn still_hold(&self) -> bool {
-        let turned = TURN_SHARE * self.model.options.closing_tolerance_speed;
+        let turned = TURN_SHARE * self.on.model.options.closing_tolerance_speed;
         self.work.has_contacts_alone()
             && self.work.chosen.iter().all(|&slot| {
                 let c = self.contact(slot);
@@ -289,7 +294,7 @@ impl RowIsland<'_, '_> {
         let mut start = Vec::with_capacity(work.full.rows());
         let scale = work.span.h / self.state.warm_step;
         for &slot in &work.chosen {
-            let contact = &self.scratch.contacts[work.members[slot] as usize];
+            let contact = &self.on.scratch.contacts[work.members[slot] as usize];
             let dim = work.full.contacts[slot].dim as usize;
             let mut packed = [0.0; 6];
             if self.again {
@@ -314,9 +319,9 @@ impl RowIsland<'_, '_> {
                 continue;
             }
             let packed = work.packed(slot);
-            let contact = &self.scratch.contacts[m as usize];
+            let contact = &self.on.scratch.contacts[m as usize];
             let world = contact.to_world(contact.n1, &packed);
-            self.scratch.warm.push(Warm {
+            self.on.scratch.warm.push(Warm {
                 key: (contact.a, contact.b),
                 impulse: world.impulse,
                 moment: world.moment,

@@ -21,6 +21,7 @@ const SORTED_SPHERES: usize = 2_000;
 const RUNAWAY_RATIO: f64 = 10.0;
 
 /// Memory of the pile solver.
+#[derive(Default)]
 pub struct Pile {
     pub(super) sweeps: Sweeps,
     pub(super) bodies: Vec<Body>,
@@ -66,29 +67,7 @@ impl Pile {
     pub fn new() -> Pile {
         Pile {
             sweeps: Sweeps::empty(),
-            bodies: Vec::new(),
-            places: Vec::new(),
-            taken: Vec::new(),
-            contacts: Vec::new(),
-            rolls: Vec::new(),
-            spheres: Vec::new(),
-            start: Vec::new(),
-            start_moments: Vec::new(),
-            impulses: Vec::new(),
-            moments: Vec::new(),
-            corrections: Vec::new(),
-            explained: Vec::new(),
-            scales: Vec::new(),
-            law: Law::default(),
-            frame: Frame::default(),
-            velocity: Velocities::default(),
-            cascade: CascadeMemory::default(),
-            problem_nodes: problem_nodes::ProblemNodes::default(),
-            ends: Vec::new(),
-            keeper: Keeper::default(),
-            accept: false,
-            companion: false,
-            huge: false,
+            ..Pile::default()
         }
     }
 
@@ -213,11 +192,5 @@ impl Pile {
         let (threads, spheres) = (self.sweeps.threads, &self.spheres);
         let sum = chunks::sum(threads, spheres.len(), |k| f(spheres[k] as usize));
         sum / spheres.len() as f64
-    }
-}
-
-impl Default for Pile {
-    fn default() -> Self {
-        Self::new()
     }
 }

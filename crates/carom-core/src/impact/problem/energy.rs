@@ -21,7 +21,7 @@ impl ImpactScratch {
 
     /// What its moving wall adds to the measures of a contact at t_{n+1}.
     fn wall_measures(&self, c: &RowContact) -> &[f64] {
-        let rows = c.row as usize..(c.row + c.dim) as usize;
+        let rows = c.rows();
         self.driven[1].get(rows).unwrap_or_default()
     }
 
@@ -211,10 +211,7 @@ impl ImpactScratch {
             }
         };
         for (position, c) in self.sub.contacts.iter().enumerate() {
-            let (rows, s) = (
-                c.row as usize..(c.row + c.dim) as usize,
-                scales[c.node_a as usize],
-            );
+            let (rows, s) = (c.rows(), scales[c.node_a as usize]);
             mix(&mut self.lambda[rows.clone()], &with.lambda[rows], s);
             if let Some(scale) = self.scale.get_mut(position) {
                 *scale = s;

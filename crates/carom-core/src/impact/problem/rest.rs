@@ -2,9 +2,9 @@
 
 use crate::contact::Contact;
 use crate::impact::memory::ImpactScratch;
+use crate::impact::on::On;
 use crate::level::rest;
 use crate::model::Model;
-use crate::report::StepReport;
 use crate::workspace::IslandScratch;
 use carom_solve::ladder::{Attempt, HELD};
 use carom_solve::rows::{Measured, RowContact};
@@ -37,22 +37,16 @@ impl ImpactScratch {
     /// Whether the solution at hand moves by more.
     pub(super) fn moves(&self, scratch: &IslandScratch, bound: f64) -> bool {
         let measures = scratch.solve.newton.measures();
-        let of = |c: &RowContact| &measures[c.row as usize..(c.row + c.dim) as usize];
+        let of = |c: &RowContact| &measures[c.rows()];
         let contacts = self.sub.contacts[..self.chosen.len()].iter();
         contacts
             .map(|c| rest::largest(c.bounds.sliding > 0.0, c.length, of(c)))
             .any(|z| z > bound)
     }
 
-    /// Solves the problem at hand from multipliers that hold all of it, near `warm` if that is possible. False: there are none, and nothing changed.
-    pub(super) fn hold(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        bound: f64,
-        warm: Option<&[f64]>,
-        report: &mut StepReport,
-    ) -> bool {
+    /// Solves the problem at hand from multipliers that hold all of it, near `warm` if that is possible. False: there are none, and nothing changed but
+    /// the report.
+    pub(super) fn hold(&mut self, on: &mut On, bound: f64, warm: Option<&[f64]>) -> bool {
         let mut start = vec![0.0; self.sub.rows()];
         if let Some(warm) = warm {
             start[..warm.len()].copy_from_slice(warm);
@@ -61,23 +55,22 @@ impl ImpactScratch {
             return false;
         }
         let before = (self.lambda.clone(), self.u.clone(), self.last);
-        let history = std::mem::take(&mut scratch.solve.newton.history);
-        let mut attempts = std::mem::take(&mut scratch.solve.newton.attempts);
-        let mut own = *report;
-        let solved = self.solve_built(model, scratch, 0, Some(&start), &mut own);
+        let newton = &mut on.scratch.solve.newton;
+        let history = std::mem::take(&mut newton.history);
+        let mut attempts = std::mem::take(&mut newton.attempts);
+        let solved = self.solve_built(on, 0, Some(&start));
         attempts.push(Attempt {
             rung: HELD,
             ..self.last.attempt()
         });
-        scratch.solve.newton.attempts = attempts;
-        if solved && !self.moves(scratch, bound) {
-            *report = own;
+        on.scratch.solve.newton.attempts = attempts;
+        if solved && !self.moves(on.scratch, bound) {
             return true;
         }
         (self.lambda, self.u, self.last) = before;
         // Residual rows and measures are those of the solution again.
-        let options = self.newton_options(model);
-        let newton = &mut scratch.solve.newton;
+        let options = self.newton_options(on.model);
+        let newton = &mut on.scratch.solve.newton;
         newton.judge(
             &mut self.sub,
             &mut Measured(&self.measured),

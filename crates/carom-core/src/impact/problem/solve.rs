@@ -6,14 +6,13 @@ use crate::impact::coupled::CoupledVelocities;
 use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
+use crate::impact::on::On;
 use crate::level::coupling::Trial;
 use crate::level::{newton_options, worst_group};
 use crate::model::Model;
 use crate::outcome::Level;
 use crate::problem::Solve;
-use crate::report::StepReport;
 use crate::rows::along;
-use crate::workspace::{IslandScratch, SolveScratch};
 use carom_solve::rows::{Measured, RowContact, Subproblem, NODE_DOF};
 use carom_solve::NewtonOptions;
 use std::mem::take;
@@ -31,53 +30,47 @@ const FINER_ITERATIONS: u32 = 8;
 
 impl ImpactScratch {
     /// Solves the chosen contacts by `law` with all present impulses fixed. Problem 0 is that of the loads. `warm` starts from given impulses.
-    pub fn solve_chosen(
+    pub(in crate::impact) fn solve_chosen(
         &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
+        on: &mut On,
         law: Law,
         problem: u32,
         warm: Option<&[f64]>,
-        report: &mut StepReport,
     ) -> bool {
         self.law = law;
         self.along_middle = problem == 0 && !self.middle.is_empty();
         self.set_velocities(law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
-        self.build(model, scratch.contacts, law);
-        if !self.solve_stated(model, scratch, problem, warm, report) {
+        self.build(on.model, on.scratch.contacts, law);
+        if !self.solve_stated(on, problem, warm) {
             return false;
         }
         // The files of problems know no least impulses.
-        if law != Law::Expansion && scratch.keeper.wants(self.last.iterations) {
-            self.keep(model, scratch, problem);
+        if law != Law::Expansion && on.scratch.keeper.wants(self.last.iterations) {
+            self.keep(on, problem);
         }
         self.explain();
         true
     }
 
     /// Solves the compression of Poisson's law on the chosen contacts, and keeps what their expansion has; whether any has restitution.
-    pub fn compress(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        report: &mut StepReport,
-    ) -> Option<bool> {
+    pub(in crate::impact) fn compress(&mut self, on: &mut On) -> Option<bool> {
+        let model = on.model;
         self.law = Law::Compression;
         self.along_middle = false;
         self.velocity.clone_from(&self.v_old);
-        self.build(model, scratch.contacts, self.law);
+        self.build(model, on.scratch.contacts, self.law);
         // An impact takes no time, in which loads could answer it.
         let loads = std::mem::take(&mut self.loads);
         let load = std::mem::take(&mut self.sub.load);
-        let solved = self.solve_built(model, scratch, 1, None, report);
+        let solved = self.solve_built(on, 1, None);
         (self.loads, self.sub.load) = (loads, load);
         self.expansion.clear();
         self.expansion.resize(self.full.rows(), 0.0);
         let mut expands = false;
         for (&slot, c) in self.chosen.iter().zip(&self.sub.contacts) {
-            let material = scratch.contacts[self.members[slot] as usize].law(model);
+            let material = on.scratch.contacts[self.members[slot] as usize].law(model);
             let (from, to) = (c.row as usize, self.full.contacts[slot].row as usize);
             let slides = c.bounds.sliding > 0.0;
             let inverse = [0, usize::from(slides)].map(|r| self.sub.diag[from + r]);
@@ -92,15 +85,11 @@ impl ImpactScratch {
     }
 
     /// Lets springs press the chosen contacts from the velocities of t_n on. Joints and loads answer the impulses.
-    pub fn press(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        report: &mut StepReport,
-    ) -> bool {
+    pub(in crate::impact) fn press(&mut self, on: &mut On) -> bool {
+        let model = on.model;
         (self.law, self.along_middle) = (Law::Springs, false);
         self.velocity.clone_from(&self.v_old);
-        let contacts: &[Contact] = scratch.contacts;
+        let contacts: &[Contact] = on.scratch.contacts;
         self.build(model, contacts, Law::Compression);
         let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
         let springs: Vec<_> = self.chosen.iter().map(of).collect();
@@ -120,89 +109,77 @@ impl ImpactScratch {
         self.explained.clear();
         self.explained.resize(self.chosen.len(), 0.0);
         let alone = self.joints.is_empty() && self.loads.is_empty();
-        alone || self.answer(model, scratch, report)
+        alone || self.answer(on)
     }
 
     /// What joints and loads answer to the impulses at hand.
-    fn answer(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        report: &mut StepReport,
-    ) -> bool {
+    fn answer(&mut self, on: &mut On) -> bool {
         let (chosen, mut lambda) = (take(&mut self.chosen), self.lambda.clone());
         for (v, u) in self.velocity.iter_mut().zip(&self.u) {
             *v += u;
         }
-        self.build(model, scratch.contacts, Law::Plastic);
-        let solved = self.solve_built(model, scratch, 1, None, report);
+        self.build(on.model, on.scratch.contacts, Law::Plastic);
+        let solved = self.solve_built(on, 1, None);
         let (joints, load) = (take(&mut self.lambda), take(&mut self.sub.load));
         let first = lambda.len() - joints.len();
         lambda[first..].copy_from_slice(&joints);
         self.chosen = chosen;
         self.set_velocities(self.law);
-        self.build(model, scratch.contacts, Law::Plastic);
+        self.build(on.model, on.scratch.contacts, Law::Plastic);
         (self.lambda, self.sub.load) = (lambda, load);
         self.balance();
         solved
     }
 
     /// Solves the problem at hand once more from its solution, which stays if it cannot be found more finely.
-    pub fn solve_finely(&mut self, model: &Model, scratch: &mut IslandScratch, problem: u32) {
+    pub(in crate::impact) fn solve_finely(&mut self, on: &mut On, problem: u32) {
         let (before, last, accept) = (self.solution(), self.last, self.accept_unconverged);
-        let mut own = StepReport::default();
+        let told = *on.report;
         (self.fineness, self.accept_unconverged) = (FINER, false);
-        if self.solve_built(model, scratch, problem, Some(&before.lambda), &mut own) {
+        if self.solve_built(on, problem, Some(&before.lambda)) {
             self.explain();
         } else {
             self.restore(before);
             self.last = last;
         }
         (self.fineness, self.accept_unconverged) = (1.0, accept);
+        *on.report = told;
     }
 
     /// Solves the problem at hand once more, without restitution.
-    pub fn solve_without_restitution(
+    pub(in crate::impact) fn solve_without_restitution(
         &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
+        on: &mut On,
         problem: u32,
-        report: &mut StepReport,
     ) -> bool {
-        self.build(model, scratch.contacts, Law::Plastic);
-        self.solve_built(model, scratch, problem, None, report)
+        self.build(on.model, on.scratch.contacts, Law::Plastic);
+        self.solve_built(on, problem, None)
     }
 
     /// Solves the problem as it is stated; at rest where it was so. With restitution only a solution counts: without it there is one.
-    fn solve_stated(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        problem: u32,
-        warm: Option<&[f64]>,
-        report: &mut StepReport,
-    ) -> bool {
+    fn solve_stated(&mut self, on: &mut On, problem: u32, warm: Option<&[f64]>) -> bool {
         let resting = match self.law {
             Law::Printed => None,
             _ if problem > 1 => None,
-            _ => self.rests_below(model, scratch.contacts),
+            _ => self.rests_below(on.model, on.scratch.contacts),
         };
         let accept = self.accept_unconverged && !self.law.has_restitution();
-        let mut before = *report;
+        let before = *on.report;
         let allowed = std::mem::replace(&mut self.accept_unconverged, accept && resting.is_none());
-        let mut solved = self.solve_built(model, scratch, problem, warm, report);
-        // What was tried is no part of the step.
-        if let Some(bound) = resting {
-            if (!solved || self.moves(scratch, bound))
-                && self.hold(model, scratch, bound, warm, &mut before)
-            {
-                before.fallbacks += u32::from(!solved);
-                (*report, solved) = (before, true);
+        let mut solved = self.solve_built(on, problem, warm);
+        if let Some(bound) = resting.filter(|&bound| !solved || self.moves(on.scratch, bound)) {
+            // What was tried is no part of the step.
+            let tried = std::mem::replace(on.report, before);
+            if self.hold(on, bound, warm) {
+                on.report.fallbacks += u32::from(!solved);
+                solved = true;
+            } else {
+                *on.report = tried;
             }
         }
         self.accept_unconverged = allowed;
         if !solved && accept {
-            report.unconverged += 1;
+            on.report.unconverged += 1;
             solved = true;
         }
         solved
@@ -228,7 +205,7 @@ impl ImpactScratch {
     pub fn stands_still(&self) -> bool {
         let contacts = self.sub.contacts.iter().filter(|c| !c.bilateral);
         contacts
-            .flat_map(|c| &self.lambda[c.row as usize..(c.row + c.dim) as usize])
+            .flat_map(|c| &self.lambda[c.rows()])
             .all(|&l| l == 0.0)
     }
 
@@ -243,7 +220,7 @@ impl ImpactScratch {
             let c = self.full.contacts[slot];
             let contact = &contacts[self.members[slot] as usize];
             let row = sub.jac.len();
-            let rows = c.row as usize..(c.row + c.dim) as usize;
+            let rows = c.rows();
             sub.jac.extend_from_slice(&self.acting()[rows.clone()]);
             sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
             sub.z0.extend(
@@ -295,7 +272,7 @@ impl ImpactScratch {
             let joints = self.members.len()..self.full.contacts.len();
             for slot in self.chosen.iter().copied().chain(joints) {
                 let c = &self.full.contacts[slot];
-                let rows = c.row as usize..(c.row + c.dim) as usize;
+                let rows = c.rows();
                 self.measured.extend_from_slice(&self.full.jac[rows]);
             }
         }
@@ -360,12 +337,11 @@ impl ImpactScratch {
 
     pub(in crate::impact) fn solve_built(
         &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
+        on: &mut On,
         problem: u32,
         warm: Option<&[f64]>,
-        report: &mut StepReport,
     ) -> bool {
+        let model = on.model;
         self.lambda.clear();
         self.lambda.resize(self.sub.rows(), 0.0);
         if let Some(start) = warm {
@@ -376,36 +352,33 @@ impl ImpactScratch {
         let options = self.newton_options(model);
         let [mut lambda, mut u] = [&mut self.lambda, &mut self.u].map(std::mem::take);
         let mut sub = std::mem::take(&mut self.sub);
-        let SolveScratch {
-            newton,
-            bodies,
-            node_of,
-            ..
-        } = &mut scratch.solve;
+        let (solve, trial) = (&mut *on.scratch.solve, &mut *on.scratch.trial);
+        let newton = &mut solve.newton;
         let result = if self.loads.is_empty() {
             let mut problem = Measured(&self.measured);
             newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         } else {
-            let mut problem = self.velocities(model, bodies, node_of, scratch.trial);
+            let mut problem = self.velocities(model, &solve.bodies, &solve.node_of, trial);
             newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         };
         (self.sub, self.lambda, self.u) = (sub, lambda, u);
-        report.add_velocity(&result);
-        scratch.history[2].keep_longest(&newton.history, problem, self.chosen.len());
+        on.report.add_velocity(&result);
+        on.scratch.history[2].keep_longest(&newton.history, problem, self.chosen.len());
         self.last = result;
         if result.converged {
             return true;
         }
         if self.fineness == 1.0 {
-            self.keep(model, scratch, problem);
+            self.keep(on, problem);
         }
-        report.unconverged += u32::from(self.accept_unconverged);
+        on.report.unconverged += u32::from(self.accept_unconverged);
         self.accept_unconverged
     }
 
     /// Hands the problem at hand, with what was found, to the keeper.
     #[cold]
-    fn keep(&mut self, model: &Model, scratch: &mut IslandScratch, index: u32) {
+    fn keep(&mut self, on: &mut On, index: u32) {
+        let (model, scratch) = (on.model, &mut *on.scratch);
         let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
         let (mut multiplier, mut correction) = (self.lambda.clone(), self.u.clone());
         if !multiplier.iter().chain(&correction).all(|x| x.is_finite()) {
@@ -418,10 +391,8 @@ impl ImpactScratch {
         if self.loads.is_empty() {
             Measured(&self.measured).write(&system, &correction, &mut measures);
         } else {
-            let SolveScratch {
-                bodies, node_of, ..
-            } = &scratch.solve;
-            self.velocities(model, bodies, node_of, scratch.trial)
+            let solve = &*scratch.solve;
+            self.velocities(model, &solve.bodies, &solve.node_of, scratch.trial)
                 .evaluate(&mut system, &correction, &mut measures);
         }
         scratch.keeper.keep(&Solve {

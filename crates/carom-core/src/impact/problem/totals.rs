@@ -61,7 +61,7 @@ impl ImpactScratch {
     /// All that a contact was given, packed.
     pub(in crate::impact) fn packed(&self, slot: usize) -> [f64; 6] {
         let c = &self.full.contacts[slot];
-        let rows = c.row as usize..(c.row + c.dim) as usize;
+        let rows = c.rows();
         let mut packed = [0.0; 6];
         packed[..c.dim as usize].copy_from_slice(&self.impulse[rows.clone()]);
         for (sum, load) in packed
@@ -76,7 +76,7 @@ impl ImpactScratch {
     /// What the loads gave a contact, packed.
     pub(in crate::impact) fn packed_load(&self, slot: usize) -> [f64; 6] {
         let c = &self.full.contacts[slot];
-        let rows = c.row as usize..(c.row + c.dim) as usize;
+        let rows = c.rows();
         let mut packed = [0.0; 6];
         if let Some(load) = self.load.get(rows) {
             packed[..c.dim as usize].copy_from_slice(load);
