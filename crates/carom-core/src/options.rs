@@ -205,6 +205,11 @@ macro_rules! options {
     };
 }
 
+/// Some options with their names.
+macro_rules! named {
+    ($of:ident: $($name:ident),+ $(,)?) => { [$((stringify!($name), $of.$name)),+] };
+}
+
 /// Bounds of an impact sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Problems {
@@ -356,22 +361,11 @@ impl Options {
 
     /// Refuses values with which the scheme cannot work.
     pub fn validate(&self) -> Result<(), ModelError> {
-        for (name, value) in [
-            ("step", self.step),
-            ("tolerance", self.tolerance),
-            ("pile_tolerance", self.pile_tolerance),
-            ("tolerance_floor", self.tolerance_floor),
-            ("gap_tolerance", self.gap_tolerance),
-            ("touching_tolerance", self.touching_tolerance),
-            ("closing_tolerance_load", self.closing_tolerance_load),
-            ("pile_closing_tolerance", self.pile_closing_tolerance),
-            ("closing_tolerance_speed", self.closing_tolerance_speed),
-            ("penalty_scale", self.penalty_scale),
-            ("proximal_shift", self.proximal_shift),
-            ("penalty_young_modulus", self.penalty_young_modulus),
-            ("penalty_slip_speed", self.penalty_slip_speed),
-            ("pressing_step", self.pressing_step),
-        ] {
+        for (name, value) in named!(
+            self: step, tolerance, pile_tolerance, tolerance_floor, gap_tolerance, touching_tolerance,
+            closing_tolerance_load, pile_closing_tolerance, closing_tolerance_speed, penalty_scale,
+            proximal_shift, penalty_young_modulus, penalty_slip_speed, pressing_step,
+        ) {
             if !(value > 0.0 && value.is_finite()) {
                 let text = format!("is {value:e}; it must be finite and above 0");
                 return Err(ModelError::option(name, text));
@@ -408,22 +402,19 @@ impl Options {
             return Err(ModelError::option(name, text));
         }
         // Upper bounds: no input may make a step endless or fill the memory.
-        for (name, value, least, most) in [
+        #[rustfmt::skip]
+        let counts = [
             ("max_iterations", self.max_iterations, 1, 100_000),
             ("threads", self.threads, 1, u32::MAX),
             ("contacts_per_thread", self.contacts_per_thread, 1, u32::MAX),
-            (
-                "shared_contacts_per_thread",
-                self.shared_contacts_per_thread,
-                1,
-                u32::MAX,
-            ),
+            ("shared_contacts_per_thread", self.shared_contacts_per_thread, 1, u32::MAX),
             ("max_halvings", self.max_halvings, 0, 20),
             ("max_problems", self.max_problems, 0, MOST_PROBLEMS),
             ("max_line_search", self.max_line_search, 0, 60),
             ("gauss_seidel_sweeps", self.gauss_seidel_sweeps, 0, 1000),
             ("dense_contacts", self.dense_contacts, 0, 500),
-        ] {
+        ];
+        for (name, value, least, most) in counts {
             if value < least {
                 let text = format!("must be at least {least}");
                 return Err(ModelError::option(name, text));

@@ -1,7 +1,7 @@
 //! What can be recomputed: allocated once, reused in every step.
 
 use crate::contact::Contact;
-use crate::flow::Left;
+use crate::flow::Exchange;
 use crate::force::LoadError;
 use crate::impact::ImpactScratch;
 use crate::islands::Islands;
@@ -58,7 +58,7 @@ pub struct Scratch {
     /// Of methods with events.
     pub transitions: Vec<Transition>,
     /// Balls that left within the step, of methods that know when.
-    pub left: Left,
+    pub left: Exchange,
     /// Histories of the longest solve of each level in this step: smooth, position, velocity.
     pub history: [History; 3],
     pub keeper: Keeper,
@@ -121,7 +121,7 @@ impl Scratch {
         self.impacts.clear();
         self.impact_times.clear();
         self.transitions.clear();
-        self.left = Left::default();
+        self.left = Exchange::default();
         self.warm.clear();
         for history in &mut self.history {
             history.clear();

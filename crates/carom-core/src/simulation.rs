@@ -89,8 +89,8 @@ impl Simulation {
         let (mut first, mut state) = (Exchange::default(), state);
         if !model.flow.is_none() {
             scratch.walls.place(&model, 0.0);
-            let events = &mut recorder.block.events;
-            first = exchange(&model, &mut state, &scratch.walls, 0, 0.0, events);
+            first = exchange(&model, &mut state, &scratch.walls, (0, 0.0));
+            recorder.block.events.append(&mut first.events);
         }
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
         for i in 0..model.spheres() {
@@ -219,11 +219,11 @@ impl Simulation {
         self.state.step = number;
         let left = std::mem::take(&mut self.scratch.left);
         if !self.model.flow.is_none() {
-            let (walls, events) = (&mut self.scratch.walls, &mut self.recorder.block.events);
+            let walls = &mut self.scratch.walls;
             walls.place(&self.model, time);
-            events.extend(left.events);
-            let mut at_end = exchange(&self.model, &mut self.state, walls, number, time, events);
-            at_end.join(&left.exchange);
+            let mut at_end = exchange(&self.model, &mut self.state, walls, (number, time));
+            at_end.follow(left);
+            self.recorder.block.events.append(&mut at_end.events);
             report.add_exchange(&at_end);
         }
         let (velocity, radius) = (&self.state.velocity[..], &self.model.radius[..]);

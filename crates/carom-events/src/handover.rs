@@ -5,7 +5,7 @@ use crate::queue::Event;
 use crate::step::Run;
 use carom_core::contact::Contact;
 use carom_core::flow::exchange::is_out;
-use carom_core::flow::Left;
+use carom_core::flow::Exchange;
 use carom_core::outcome::{Failure, ImpactRecord};
 use carom_core::scratch::Scratch;
 use carom_core::step::step;
@@ -166,7 +166,7 @@ fn each(pairs: &[(u32, u32)], n: usize) -> impl Iterator<Item = (usize, u32)> + 
 struct Kept {
     impacts: Vec<ImpactRecord>,
     times: Vec<f64>,
-    left: Left,
+    left: Exchange,
     transitions: Vec<Transition>,
     walls: Vec<[DVec3; 2]>,
 }

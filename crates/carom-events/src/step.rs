@@ -194,9 +194,7 @@ impl Run<'_> {
     /// A ball is in the box of an outlet.
     pub fn leave(&mut self, i: usize, t: f64) {
         let at = (self.state.step + 1, self.span.start + t);
-        let left = &mut self.scratch.left;
-        let (events, exchange) = (&mut left.events, &mut left.exchange);
-        take_out(self.model, self.state, i, at, events, exchange);
+        take_out(self.model, self.state, i, at, &mut self.scratch.left);
         self.events.queue.forget(i);
         self.set_off(i, t, None);
     }

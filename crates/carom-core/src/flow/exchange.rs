@@ -16,28 +16,25 @@ const TRIES: u64 = 20;
 /// late; with 1 all enter a step early.
 const ON_TIME: f64 = 1e-6;
 
-/// Lets balls leave and enter after a step, with walls where they are at its end (`time`, s).
+/// Lets balls leave and enter after a step, with walls where they are at its end: `at` is its number and that time, s.
 pub(crate) fn exchange(
     model: &Model,
     state: &mut State,
     walls: &Walls,
-    step: u64,
-    time: f64,
-    events: &mut Vec<Event>,
+    at: (u64, f64),
 ) -> Exchange {
     let mut exchange = Exchange::default();
-    let before = events.len();
-    remove(model, state, (step, time), events, &mut exchange);
+    for i in 0..model.spheres() {
+        if is_out(model, state, i) {
+            take_out(model, state, i, at, &mut exchange);
+        }
+    }
     if exchange.removed > 0 {
         let present = &state.present;
         let there = |body: u32| present.get(body as usize).is_none_or(|&p| p);
         (state.touches).retain(|t| there(t.key.0) && there(t.key.1));
     }
-    admit(model, state, walls, (step, time), events, &mut exchange);
-    debug_assert_eq!(
-        events.len() - before,
-        (exchange.entered + exchange.removed) as usize
-    );
+    admit(model, state, walls, at, &mut exchange);
     exchange
 }
 
@@ -54,23 +51,6 @@ fn add(sum: &mut [f64; 2], part: [f64; 2]) {
     sum[1] += part[1];
 }
 
-fn remove(
-    model: &Model,
-    state: &mut State,
-    (step, time): (u64, f64),
-    events: &mut Vec<Event>,
-    exchange: &mut Exchange,
-) {
-    if model.flow.outlets.is_empty() {
-        return;
-    }
-    for i in 0..model.spheres() {
-        if is_out(model, state, i) {
-            take_out(model, state, i, (step, time), events, exchange);
-        }
-    }
-}
-
 /// Whether ball `i` is where an outlet takes it.
 pub fn is_out(model: &Model, state: &State, i: usize) -> bool {
     let x = state.position[i];
@@ -78,24 +58,18 @@ pub fn is_out(model: &Model, state: &State, i: usize) -> bool {
     state.present[i] && model.flow.outlets.iter().any(leaves) && !model.flow.held[i]
 }
 
-/// Takes ball `i` out, where it is.
+/// Takes ball `i` out, where it is, in a step of this number at a time, s.
 pub fn take_out(
     model: &Model,
     state: &mut State,
     i: usize,
-    (step, time): (u64, f64),
-    events: &mut Vec<Event>,
+    at: (u64, f64),
     exchange: &mut Exchange,
 ) {
     add(&mut exchange.energy_out, energy(model, state, i));
     state.set_absent(i);
     exchange.removed += 1;
-    events.push(Event {
-        step,
-        time,
-        body: i as u32,
-        entered: false,
-    });
+    exchange.events.push(Event::new(at, i as u32, false));
 }
 
 fn admit(
@@ -103,7 +77,6 @@ fn admit(
     state: &mut State,
     walls: &Walls,
     (step, time): (u64, f64),
-    events: &mut Vec<Event>,
     exchange: &mut Exchange,
 ) {
     let early = ON_TIME * model.options.step;
@@ -133,12 +106,7 @@ fn admit(
             room.add(x, model.radius[i]);
             add(&mut exchange.energy_in, energy(model, state, i));
             exchange.entered += 1;
-            events.push(Event {
-                step,
-                time,
-                body,
-                entered: true,
-            });
+            exchange.events.push(Event::new((step, time), body, true));
         }
     }
 }

@@ -67,9 +67,21 @@ pub struct Event {
     pub entered: bool,
 }
 
-/// What entered and left between two steps: numbers, kinetic and potential energy, J.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+impl Event {
+    fn new((step, time): (u64, f64), body: u32, entered: bool) -> Event {
+        Event {
+            step,
+            time,
+            body,
+            entered,
+        }
+    }
+}
+
+/// What entered and left between two steps, or within one: each ball, numbers, kinetic and potential energy, J.
+#[derive(Clone, Debug, Default)]
 pub struct Exchange {
+    pub events: Vec<Event>,
     pub entered: u32,
     pub removed: u32,
     pub energy_in: [f64; 2],
@@ -77,21 +89,17 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    pub(crate) fn join(&mut self, other: &Exchange) {
-        self.entered += other.entered;
-        self.removed += other.removed;
+    /// Adds numbers and energies of what was earlier, and puts its balls before.
+    pub(crate) fn follow(&mut self, mut earlier: Exchange) {
+        self.entered += earlier.entered;
+        self.removed += earlier.removed;
         for k in 0..2 {
-            self.energy_in[k] += other.energy_in[k];
-            self.energy_out[k] += other.energy_out[k];
+            self.energy_in[k] += earlier.energy_in[k];
+            self.energy_out[k] += earlier.energy_out[k];
         }
+        earlier.events.append(&mut self.events);
+        self.events = earlier.events;
     }
-}
-
-/// What left within a step.
-#[derive(Clone, Debug, Default)]
-pub struct Left {
-    pub events: Vec<Event>,
-    pub exchange: Exchange,
 }
 
 impl Flow {

@@ -156,19 +156,6 @@ impl Velocities {
         }
     }
 
-    /// `test` of every contact.
-    pub fn flags(
-        &self,
-        threads: usize,
-        test: impl Fn(usize, &ClosedContact) -> bool + Sync,
-    ) -> Vec<bool> {
-        let mut flags = Vec::new();
-        chunks::refill(threads, &mut flags, self.closed.len(), |slot| {
-            test(slot, &self.closed[slot])
-        });
-        flags
-    }
-
     /// Keeps what a problem gave a contact for the table of impacts, where every problem is wanted there.
     #[inline]
     pub fn tell(&mut self, slot: u32, problem: u32, moment: DVec3, given: &ProblemImpulse) {
@@ -213,9 +200,7 @@ impl Velocities {
             add(m.b, -1.0, m.arms[1]);
         }
     }
-}
 
-impl Velocities {
     /// Chooses the contacts that `select` takes.
     pub fn choose(&mut self, select: impl Fn(usize) -> bool) {
         self.chosen.clear();

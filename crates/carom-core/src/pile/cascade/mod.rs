@@ -10,7 +10,7 @@ mod clusters;
 mod contact_graph;
 pub(super) mod memory;
 
-use super::problem_data;
+use super::{chunks, problem_data};
 use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::model::Model;
@@ -76,7 +76,11 @@ impl Pile {
         report: &mut StepReport,
     ) -> (u32, bool) {
         let (velocity, all_threads) = (&self.velocity, self.sweeps.threads);
-        let closes = velocity.flags(all_threads, |_, m| velocity.normal_speed(m) < -m.closing);
+        let mut closes = Vec::new();
+        chunks::refill(all_threads, &mut closes, velocity.closed.len(), |slot| {
+            let m = &velocity.closed[slot];
+            velocity.normal_speed(m) < -m.closing
+        });
         let all = 0..velocity.closed.len() as u32;
         let first: Vec<u32> = all.filter(|&slot| closes[slot as usize]).collect();
         let bounds = model.options.problems(velocity.closed.len());
