@@ -176,7 +176,6 @@ impl RowSystem {
         index
     }
 
-    /// Adds a contact with its rows (`jac[row] = [over a, over b]`, `z0[row]`), computing `D_cc`.
     /// Adds what an impulse in a row gives the velocities `u` of its nodes.
     #[inline]
     pub fn push_row(&self, c: &RowContact, row: usize, impulse: f64, u: &mut [f64]) {
@@ -195,6 +194,7 @@ impl RowSystem {
         }
     }
 
+    /// Adds a contact with its rows (`jac[row] = [over a, over b]`, `z0[row]`), computing `D_cc`.
     #[allow(clippy::too_many_arguments)] // one call site; a struct would only repeat the names
     pub fn push_contact(
         &mut self,

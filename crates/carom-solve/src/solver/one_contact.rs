@@ -6,13 +6,14 @@ use crate::problem::RowGroup;
 
 /// Coupling over the diagonal (1) that counts as none: spheres, whose blocks are diagonal up to rounding. Larger, the closed
 /// form of spheres answers for other bodies, with an error of this size; 0, it is never taken.
-const ISOTROPIC: f64 = 1e-14;
+pub(super) const ISOTROPIC: f64 = 1e-14;
 /// Directions of slip (1) tried when none is known. With few, two roots lie between neighbours and neither is found.
 const DIRECTIONS: usize = 24;
 /// Rounding of an angle's equation (1). With 0 a contact between sticking and slipping has no solution.
 const NEARLY: f64 = 1e-13;
-/// Determinant over the diagonal's product (1) that counts as 0: rounding. Smaller, noise passes as a sticking force.
-const SINGULAR: f64 = 1e-14;
+/// Determinant over the diagonal's product (1) that counts as 0: rounding. Smaller, noise passes as a sticking force, and
+/// sweeps diverge.
+pub(super) const SINGULAR: f64 = 1e-14;
 /// First turn (rad) of the secant around the last direction of slip, and steps (1) before all directions are tried.
 const FIRST_TURN: f64 = 1e-4;
 const SECANTS: usize = 12;

@@ -1,6 +1,7 @@
 //! What sweeps read and write: the bodies, and the contacts of a group column by column.
 
 use super::lanes::{Column, Lanes, GROUP};
+use super::rolls::sign;
 use super::vectors::part;
 use super::Contact;
 use prefetch_index::prefetch_index;
@@ -71,7 +72,7 @@ impl ContactLanes {
 
     /// Numbers of a lane, of the contact with its sides exchanged where asked for.
     pub fn set_contact(&mut self, lane: usize, contact: &Contact, swapped: bool) {
-        let sign = if swapped { -1.0 } else { 1.0 };
+        let sign = sign(swapped);
         for k in 0..3 {
             self.normal[k][lane] = sign * contact.normal[k];
             self.slip[k][lane] = sign * contact.slip[k];
@@ -92,7 +93,7 @@ impl ContactLanes {
 
     /// The impulse of a lane, on side `a` of its contact.
     pub fn set_impulse(&mut self, lane: usize, impulse: [f64; 3], swapped: bool) {
-        let sign = if swapped { -1.0 } else { 1.0 };
+        let sign = sign(swapped);
         for k in 0..3 {
             self.impulse[k][lane] = sign * impulse[k];
         }

@@ -4,7 +4,7 @@ use super::bodies::{ask, ContactLanes};
 use super::goal::Projection;
 use super::lanes::{Column, Lanes};
 use super::rolls::Rolls;
-use super::vectors::{add, dot, part, parts, put, scale, V3};
+use super::vectors::{add, dot, larger, part, parts, put, scale, V3};
 
 /// A sweep that first goes on the way it came: `p <- beta (p + d)`, `r <- r + p` with the change `d` of the last sweep.
 pub struct Along {
@@ -67,8 +67,7 @@ impl Along {
         let squared = &mut S::as_mut_simd_f64s(&mut self.squared).0[lane];
         *squared = s.add_f64s(*squared, weighted);
         let closing = &mut S::as_mut_simd_f64s(&mut self.closing).0[lane];
-        let z = s.sub_f64s(s.splat_f64s(0.0), z_n);
-        *closing = s.select_f64s(s.greater_than_f64s(z, *closing), z, *closing);
+        *closing = larger(s, s.sub_f64s(s.splat_f64s(0.0), z_n), *closing);
         let way = add(s, parts::<S>(&group.way, at), change);
         put::<S>(&mut group.way, at, way);
     }

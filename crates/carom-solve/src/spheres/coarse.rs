@@ -11,7 +11,8 @@
 
 use super::bodies::{ContactLanes, State};
 use super::groups::ContactBlock;
-use super::lanes::{head, vector, EMPTY};
+use super::lanes::{head, vector};
+use super::rolls::filled;
 use super::sweeps::Sweeps;
 use crate::direct::dense::{lu_factor, lu_solve};
 use crate::team;
@@ -195,7 +196,7 @@ impl Sweeps {
         let stride = self.layout.stride;
         let [left, right] = [block.left, block.right].map(|c| &self.states[c as usize * stride..]);
         for (group, ids) in block.groups.iter().zip(&block.ids) {
-            for lane in (0..ids.len()).filter(|&lane| ids[lane] != EMPTY) {
+            for (lane, ..) in filled(ids) {
                 if let Some(link) = link(group, lane, left, right) {
                     look(&link);
                 }

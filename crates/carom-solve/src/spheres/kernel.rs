@@ -22,7 +22,7 @@ use super::bodies::{Bodies, ContactLanes, Read};
 use super::carry::Along;
 use super::goal::Projection;
 use super::lanes::{Column, Lanes, Work, GROUP};
-use super::vectors::{add, cross, dot, part, parts, put, scale, sub, V3};
+use super::vectors::{add, cross, dot, larger, onto_disc, part, parts, put, scale, sub, V3};
 
 /// Relative velocity without spin, and the sum of surface velocities, of the lanes from `at`. Rows are summed before they are
 /// turned to columns: half as many turns, and the same bits.
@@ -89,12 +89,9 @@ pub fn project<S: Lanes>(
             s.select_f64s(outside, s.div_f64s(sum, over), normal)
         }
     };
-    let normal = s.select_f64s(s.greater_than_f64s(normal, least), normal, least);
-    let radius = s.mul_f64s(friction, normal);
-    let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
-    let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
-    let ratio = s.select_f64s(outside, ratio, s.splat_f64s(1.0));
-    add(s, scale(s, normal, n), scale(s, ratio, x))
+    let normal = larger(s, normal, least);
+    let across = onto_disc(s, x, squared, s.mul_f64s(friction, normal));
+    add(s, scale(s, normal, n), across)
 }
 
 /// New impulses of the lanes from `at`; returns their change `d` and `n x d`. Before, an accelerated sweep takes the step that its

@@ -6,7 +6,7 @@ use super::groups::{least, ContactBlock};
 use super::kernel::{gather, measures};
 use super::lanes::{vector, Lanes, GROUP};
 use super::rolls::Rolls;
-use super::vectors::{add, dot, part, parts, put, scale, sub, V3};
+use super::vectors::{add, dot, larger, onto_disc, part, parts, put, scale, sub, V3};
 use glam::DVec3;
 
 /// Measures of the moments of the lanes from `at`: relative angular velocities.
@@ -51,23 +51,12 @@ fn project<S: Lanes>(
     let x = sub(s, m, scale(s, inertia, z));
     let along = dot(s, x, n);
     let x = sub(s, x, scale(s, along, n));
-    let squared = dot(s, x, x);
     let radius = s.mul_f64s(part::<S>(&rolls.rolling, at), normal);
-    let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
-    let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
-    let ratio = s.select_f64s(outside, ratio, s.splat_f64s(1.0));
+    let rolling = onto_disc(s, x, dot(s, x, x), radius);
     let most = s.mul_f64s(part::<S>(&rolls.spinning, at), normal);
     let least = s.sub_f64s(zero, most);
     let along = s.select_f64s(s.greater_than_f64s(along, most), most, along);
-    let along = s.select_f64s(s.greater_than_f64s(least, along), least, along);
-    add(s, scale(s, along, n), scale(s, ratio, x))
-}
-
-/// The larger of `x` and 0.
-#[inline(always)]
-fn positive<S: Lanes>(s: S, x: S::f64s) -> S::f64s {
-    let zero = s.splat_f64s(0.0);
-    s.select_f64s(s.greater_than_f64s(x, zero), x, zero)
+    add(s, scale(s, larger(s, least, along), n), rolling)
 }
 
 /// New moments of the lanes from `at` at the present normal impulses; returns their change.
@@ -81,7 +70,8 @@ fn solve<S: Lanes>(
     at: usize,
 ) -> V3<S> {
     let n = parts::<S>(&group.normal, at);
-    let normal = positive(s, dot(s, parts::<S>(&group.impulse, at), n));
+    let normal = dot(s, parts::<S>(&group.impulse, at), n);
+    let normal = larger(s, normal, s.splat_f64s(0.0));
     let old = carry.step_moments(s, rolls, at);
     let z = turns(s, bodies, group, rolls, at);
     let inertia = part::<S>(&rolls.inertia, at);
@@ -160,7 +150,7 @@ pub fn norms<S: Lanes>(s: S, block: &ContactBlock, bodies: &Both, penalty_scale:
             let z = turns(s, bodies, group, rolls, at);
             let inertia = s.mul_f64s(scale_of, part::<S>(&rolls.inertia, at));
             let least = part::<S>(least, at);
-            let normal = s.select_f64s(s.greater_than_f64s(normal, least), normal, least);
+            let normal = larger(s, normal, least);
             let phi = project(s, [m, z, n], inertia, normal, rolls, at);
             let over = part::<S>(&rolls.per_length, at);
             let over = s.mul_f64s(over, over);

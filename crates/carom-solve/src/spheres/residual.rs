@@ -5,7 +5,7 @@ use super::goal::Projection;
 use super::groups::{least, ContactBlock};
 use super::kernel::{gather, measures, project};
 use super::lanes::{head, Lanes, Work, GROUP};
-use super::vectors::{dot, part, parts, sub};
+use super::vectors::{dot, larger, part, parts, sub};
 
 /// Sums of squares of eq. 44 over a block, and its worst closing measure.
 #[derive(Clone, Copy, Default)]
@@ -53,18 +53,8 @@ impl Work for NormsOf<'_> {
                     s.mul_f64s(scale_of, group.mass_normal(s, at)),
                     s.mul_f64s(scale_of, part::<S>(&group.mass_tangential, at)),
                 ];
-                let phi = project(
-                    s,
-                    r,
-                    [r_n, z_n],
-                    z,
-                    n,
-                    masses,
-                    (
-                        [part::<S>(&group.friction, at), part::<S>(least, at)],
-                        self.law,
-                    ),
-                );
+                let bounds = [part::<S>(&group.friction, at), part::<S>(least, at)];
+                let phi = project(s, r, [r_n, z_n], z, n, masses, (bounds, self.law));
                 let residual = sub(s, phi, r);
                 let lane = at / S::F64_LANES;
                 for (sum, x) in sums.iter_mut().zip([residual, phi, r]) {
@@ -72,8 +62,7 @@ impl Work for NormsOf<'_> {
                     *sum = s.add_f64s(*sum, dot(s, x, x));
                 }
                 let closing = &mut S::as_mut_simd_f64s(&mut sums[3]).0[lane];
-                let depth = s.sub_f64s(s.splat_f64s(0.0), z_n);
-                *closing = s.select_f64s(s.greater_than_f64s(depth, *closing), depth, *closing);
+                *closing = larger(s, s.sub_f64s(s.splat_f64s(0.0), z_n), *closing);
             }
         }
         let [mut residual, mut projected, mut impulse] =

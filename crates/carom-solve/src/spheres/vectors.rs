@@ -45,6 +45,20 @@ pub fn dot<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> S::f64s {
     s.add_f64s(xy, s.mul_f64s(x[2], y[2]))
 }
 
+/// The larger of two numbers, the second where they are equal.
+#[inline(always)]
+pub fn larger<S: Lanes>(s: S, x: S::f64s, y: S::f64s) -> S::f64s {
+    s.select_f64s(s.greater_than_f64s(x, y), x, y)
+}
+
+/// A vector with the square of its length, cut to a disc of this radius.
+#[inline(always)]
+pub fn onto_disc<S: Lanes>(s: S, x: V3<S>, squared: S::f64s, radius: S::f64s) -> V3<S> {
+    let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
+    let ratio = s.div_f64s(radius, s.sqrt_f64s(squared));
+    scale(s, s.select_f64s(outside, ratio, s.splat_f64s(1.0)), x)
+}
+
 #[inline(always)]
 pub fn cross<S: Lanes>(s: S, x: V3<S>, y: V3<S>) -> V3<S> {
     let left = [

@@ -2,12 +2,9 @@
 //!
 //! Both short ways give a solution of the contact or none; what they leave goes to [`super::super::solve_contact`].
 
+use super::super::one_contact::{ISOTROPIC, SINGULAR};
 use crate::problem::RowGroup;
 
-/// Coupling over the diagonal (1) that counts as none, as in [`super::super::one_contact`].
-const ISOTROPIC: f64 = 1e-14;
-/// Determinant over the diagonal's product (1) that counts as 0: rounding. Smaller, the inverse is noise and sweeps diverge.
-const SINGULAR: f64 = 1e-14;
 /// Newton steps (1) for the direction of slip, before the slow search takes over; it needs two or three.
 const STEPS: u32 = 8;
 /// The longest of them (tangent of the angle, 1). Longer, it may end at the root of another direction, against the slip.
