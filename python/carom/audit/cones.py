@@ -57,7 +57,9 @@ def _pushed(block: Block, tally: Tally) -> None:
     size = norm(c.position_impulse)
     angle = np.maximum(norm(c.normal - block.start[1]), np.where(block.single[c.k], 0.0, forces.turn(block)))
     pulled = -dot(c.position_impulse, unit(first + c.normal)) - 0.5 * angle * size
-    tally.measure("sign", np.maximum(pulled, 0.0), block.left(size)[c.k] + 16.0 * EPS * size, _place(block))
+    bound = block.left(size)[c.k] + 16.0 * EPS * size
+    bound = bound + np.where(block.piled[c.k], forces.bent(block)[c.k, c.a], 0.0)
+    tally.measure("sign", np.maximum(pulled, 0.0), bound, _place(block))
 
 
 def friction(block: Block) -> F64:
