@@ -19,7 +19,8 @@ use crate::workspace::IslandScratch;
 /// step. At 1 what rolls over a curved surface closes in every step; at 0 the same loads are solved twice.
 const TURN_SHARE: f64 = 0.1;
 
-/// Solves one island by the law of the run.
+/// Solves one island by the law of the run. A call: in its caller its memory would be that of a lone contact too.
+#[inline(never)]
 pub fn solve_island(
     task: &Task,
     scratch: &mut IslandScratch,
@@ -43,6 +44,7 @@ pub fn solve_island(
 
 /// Solves the loads of one island at the positions after the smooth step, with the contacts that do not approach: their impulses, and the jumps
 /// of velocity W0 that these make.
+#[inline(never)]
 pub fn solve_loads(
     task: &Task,
     scratch: &mut IslandScratch,
