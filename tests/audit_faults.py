@@ -294,11 +294,14 @@ def lose_impact(row: int) -> Fault:
 
 
 def of_pile(fault: Callable[[int], Fault], problem: int) -> Fault:
-    """A fault in the strongest row of a problem, in a step of one group of contacts alone, a pile, that was not cut."""
+    """A fault in the strongest row of a problem, in a step of one group of contacts alone, a pile, that was not cut and
+    whose restitution is whole.
+    """
 
     def edit(file: h5py.File) -> None:
         steps, table = file["steps"], file["impacts"]
         alone = (steps["islands"][:] == 1) & (steps["largest_island"][:] > 10) & (steps["truncated"][:] == 0)
+        alone &= steps["restitution_scale"][:] == 1.0
         mine = alone[table["step"][:].astype(np.int64) - 1] & (table["problem"][:] == problem)
         strength = np.where(mine, (table["impulse"][:] ** 2).sum(axis=1), -1.0)
         assert strength.max() > 0.0

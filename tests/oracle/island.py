@@ -15,7 +15,7 @@ from .pose import Pose
 from .problem import EPS, Layout, VelocityProblem
 from .smooth import FreeMotion
 
-CLOSING_LOAD, CLOSING_SPEED = 1e-2, 1e-6
+CLOSING_LOAD, OVER_TOLERANCE, CLOSING_SPEED = 0.1, 1e5, 1e-6
 """Closing tolerance over the change of velocity by loads, and over the largest speed (rule R3)."""
 LARGE_ISLAND = 10
 """Contacts above which the closing tolerance goes by the loads on a contact's own bodies, and by the speed from below."""
@@ -140,12 +140,10 @@ class Island:
         if self.speed == 0.0:
             return None
         loads = np.array([self._load_of(e) for e in self.elements])
-        by_load, by_speed = CLOSING_LOAD * loads, CLOSING_SPEED * self.speed
-        if len(self.elements) > LARGE_ISLAND:
-            return np.maximum(by_load, by_speed)
-        load = CLOSING_LOAD * np.max(self.loads)
-        small = min(load, by_speed) if load > 0.0 else by_speed
-        return np.full(len(self.elements), max(small, 64.0 * EPS * self.old_speed))
+        tolerance = self.model.options.closing[len(self.elements) > LARGE_ISLAND]
+        share = min(CLOSING_LOAD, OVER_TOLERANCE * tolerance)
+        least = max(CLOSING_SPEED * self.speed, 64.0 * EPS * self.old_speed)
+        return np.maximum(share * loads, least)
 
     def _load_of(self, e: Element) -> float:
         """Larger change that the loads of the step make to the velocities of a contact's bodies [m/s]."""

@@ -51,7 +51,8 @@ class Options:
     """Numerical options. `step` is h [s]; `spectral_radius` the rho_inf of eq. 7.
 
     `tolerance` is tol_r of eq. 44. It is deliberately not read from the `tolerance` of a model (that of the
-    core), since this package judges others; `reference_tolerance` overrides it. `max_problems` = 0: by size.
+    core), since this package judges others; `reference_tolerance` overrides it. `closing` has those of the core, in
+    small islands and in others: what counts as closing follows from them. `max_problems` = 0: by size.
     """
 
     step: float
@@ -65,6 +66,7 @@ class Options:
     max_iterations: int = 50
     tolerance: float = 1e-12
     gap_tolerance: float = 1e-10
+    closing: tuple[float, float] = (1e-8, 1e-7)
 
 
 @dataclass(frozen=True)
@@ -220,8 +222,12 @@ def _options(given: Mapping[str, Any]) -> Options:
         )
         if name in given
     }
+    small, coarse = (float(given.get(*item)) for item in (("tolerance", 1e-8), ("pile_tolerance", 1e-7)))
     options = Options(
-        step=float(given["step"]), tolerance=float(given.get("reference_tolerance", 1e-12)), **known
+        step=float(given["step"]),
+        tolerance=float(given.get("reference_tolerance", 1e-12)),
+        closing=(small, max(small, coarse)),
+        **known,
     )
     if not options.step > 0.0 or not 0.0 <= options.spectral_radius < 1.0:
         raise ValueError("step must be positive and spectral_radius in [0, 1)")

@@ -259,10 +259,9 @@ options! {
     /// Impact problems per island and step before one simultaneous problem ends them; 0: by the size of the island
     /// ([`Options::problems`]).
     max_problems: u32 = 0,
-    /// Closing tolerance of a contact over the change that loads make to the velocities of its bodies in the step (rule R3).
-    closing_tolerance_load: f64 = 1e-2,
-    /// The same in islands of more than 100 contacts, where impacts of a share of one step's fall would go round and round.
-    pile_closing_tolerance: f64 = 0.1,
+    /// Closing tolerance of a contact over the change that loads make to the velocities of its bodies in the step (rule R3), at most: it is 1e5
+    /// times the tolerance of the island where that is less.
+    closing_tolerance_load: f64 = 0.1,
     /// Closing tolerance over the speed in the island (rule R3).
     closing_tolerance_speed: f64 = 1e-6,
     /// Scale restitution where an impact problem would gain energy (rule R4).
@@ -363,7 +362,7 @@ impl Options {
     pub fn validate(&self) -> Result<(), ModelError> {
         for (name, value) in named!(
             self: step, tolerance, pile_tolerance, tolerance_floor, gap_tolerance, touching_tolerance,
-            closing_tolerance_load, pile_closing_tolerance, closing_tolerance_speed, penalty_scale,
+            closing_tolerance_load, closing_tolerance_speed, penalty_scale,
             proximal_shift, penalty_young_modulus, penalty_slip_speed, pressing_step,
         ) {
             if !(value > 0.0 && value.is_finite()) {

@@ -7,6 +7,7 @@ Nothing here computes physics. An *interval* is what lies between two neighbouri
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from copy import copy
 from functools import cached_property
 from pathlib import Path
@@ -36,13 +37,17 @@ UNSEEN = (
     "touching_tolerance",
     "tolerance_floor",
     "closing_tolerance_load",
-    "pile_closing_tolerance",
     "closing_tolerance_speed",
 )
 #: Sizes of islands from which on bounds are wider: the smaller, the more of them.
 SIZES = ("dense_contacts", "pile_contacts")
 
 NAMES = ("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius")
+
+
+def _share(t: Mapping[str, float], tolerance: str) -> float:
+    """What counts as closing, over the speed of the loads."""
+    return float(min(1e5 * t[tolerance], t["closing_tolerance_load"]))
 
 
 def zeros(form: Any) -> F64:
@@ -124,8 +129,16 @@ class Run:
         """Claims that widen bounds and that no table bears out, as "option = value"."""
         usual = _core.defaults()
         found = [name for name in UNSEEN if self.claimed[name] > float(usual[name])]
+        # What counts as closing follows from the tolerance that was asked for, whatever residuals the solvers reached.
+        found += [name for name in SHOWN[:2] if _share(self.claimed, name) > _share(self.loosest, name)]
         found += [name for name in SIZES if self.claimed[name] < float(usual[name])]
         return [f"{name} = {self.options[name]:g}" for name in found]
+
+    def load_share(self, contacts: I64 | F64) -> F64:
+        """Closing tolerance over the speed of the loads (rule R3) in islands of so many contacts."""
+        t = self.loosest if self.doubted else self.claimed
+        small, coarse = _share(t, "tolerance"), _share(t, "pile_tolerance")
+        return np.where(contacts > self.loosest["dense_contacts"], max(small, coarse), small)
 
     def by_default(self) -> Run:
         """The same run, as if it had made none of the claims that no table bears out."""

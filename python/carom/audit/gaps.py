@@ -167,20 +167,16 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
 def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_island") -> F64:
     """(K,) closing tolerances of contacts, m/s (rule R3), in islands of at most as many `contacts` as steps say.
 
-    `closing_tolerance_load` (beyond 100 contacts `pile_closing_tolerance`) of the speed that loads give its own bodies in a
-    step, or its wall, and not less than `closing_tolerance_speed` of the largest speed; in islands of up to
-    `dense_contacts` not more than the latter, and the largest of all loads counts.
+    A share of the speed that loads give its own bodies in a step, or its wall, and at least `closing_tolerance_speed` of
+    the largest speed.
     """
     run, t = block.run, block.run.loosest
     bodies, walls = _load(block), _walls(block)
     every = np.concatenate([bodies, walls], axis=1)
     own, all_of = np.maximum(bodies[k, a], every[k, b]), every.max(axis=1)[k]
     largest = block.over(run.steps[contacts])[k]
-    small, fastest = t["closing_tolerance_load"], np.maximum(_fastest(block)[k], all_of)
-    share = np.where(largest > 100, max(t["pile_closing_tolerance"], small), small)
-    by_speed = t["closing_tolerance_speed"] * fastest
-    few = (largest <= t["dense_contacts"]) & (all_of > 0.0)
-    return np.asarray(np.where(few, np.minimum(small * all_of, by_speed), np.maximum(share * own, by_speed)))
+    by_speed = t["closing_tolerance_speed"] * np.maximum(_fastest(block)[k], all_of)
+    return np.asarray(np.maximum(run.load_share(largest) * own, by_speed))
 
 
 def _fastest(block: Block) -> F64:

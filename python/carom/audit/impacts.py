@@ -169,11 +169,8 @@ def _begun(block: Block, tally: Tally, r: Hits) -> None:
     rows[rows] = still[r.b[rows] - run.bodies]
     one = r.of(rows)
     load, speed = norm(run.gravity) * run.h, (norm(block.v0) + run.radius * norm(block.w0))[one.k, one.a]
-    by_load, by_speed = (
-        t["closing_tolerance_load"] * load,
-        t["closing_tolerance_speed"] * np.maximum(speed, load),
-    )
-    least = np.minimum(by_load, by_speed) if load > 0.0 else by_speed
+    by_speed = t["closing_tolerance_speed"] * np.maximum(speed, load)
+    least = np.maximum(run.load_share(np.ones(1, dtype=np.int64)) * load, by_speed)
     short = np.maximum(0.0, least + dot(one.normal, block.v0[one.k, one.a]))
     tally.measure("approach", short, 64.0 * EPS * (speed + load), hits.place(block, one))
 

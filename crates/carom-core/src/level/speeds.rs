@@ -1,5 +1,6 @@
 //! Which contacts close: the closing tolerance of a contact by the loads on its bodies (rule R3).
 
+use super::tolerance;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::options::Options;
@@ -11,9 +12,9 @@ use crate::wall::WallTwist;
 /// step, without end. Too large: slow impacts within a fast island keep no restitution.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// Most contacts of an island with the closing tolerance of small ones. Beyond it `pile_closing_tolerance` counts: with more, piles that settle
-/// solve impacts that go round and round; with fewer, slow impacts of small islands lose their restitution.
-const MANY: usize = 100;
+/// Closing speed over that of the loads, and over the tolerance of the island (1), up to `closing_tolerance_load`: it stands clear of what solvers
+/// leave. Too small: piles that settle solve impacts that go round and round. Too large: slow impacts keep no restitution.
+const OVER_TOLERANCE: f64 = 1e5;
 
 /// Speeds of an island.
 #[derive(Clone, Copy, Debug, Default)]
@@ -56,28 +57,13 @@ impl Speeds {
         self.speed.max(self.load).max(self.wall_load)
     }
 
-    /// A contact of an island of `contacts` closes below minus this normal velocity, m/s (rule R3). `own_load`: the larger one of the changes that the
-    /// loads of the step make to the velocities of its two bodies (of a moving wall: along the normal). In small islands, where a millionth of
-    /// the speed bounds it, the largest load of all is as good, and stands clear of what solvers leave.
+    /// A contact closes below minus this normal velocity, m/s (rule R3), in an island of so many contacts, whose tolerance counts. `own_load`: the
+    /// larger one of the changes that the loads of the step make to the velocities of its two bodies (of a moving wall: along the normal).
     #[inline]
     pub fn closing_tolerance(&self, o: &Options, contacts: usize, own_load: f64) -> f64 {
+        let share = (OVER_TOLERANCE * tolerance(o, contacts)).min(o.closing_tolerance_load);
         let by_speed = o.closing_tolerance_speed * self.largest();
-        let small = contacts <= o.dense_contacts as usize;
-        let load = if small {
-            self.load.max(self.wall_load)
-        } else {
-            own_load
-        };
-        let share = if contacts > MANY {
-            o.pile_closing_tolerance.max(o.closing_tolerance_load)
-        } else {
-            o.closing_tolerance_load
-        };
-        let tolerance = match (load == 0.0, small) {
-            (true, _) => by_speed,
-            (_, true) => by_speed.min(share * load),
-            _ => by_speed.max(share * load),
-        };
+        let tolerance = by_speed.max(share * own_load);
         tolerance.max(ROUNDING * self.speed)
     }
 }

@@ -30,7 +30,6 @@ class Options(TypedDict, total=False):
     position_friction: Literal["paper", "once"]
     max_problems: int
     closing_tolerance_load: float | str
-    pile_closing_tolerance: float | str
     closing_tolerance_speed: float | str
     energy_safeguard: bool
     restitution_threshold: float | str

@@ -98,11 +98,8 @@ OPTIONS: dict[str, Option] = {
         Bounds(ge=0, le=100_000),
     ),
     "closing_tolerance_load": Option(
-        "closing speed that counts, relative to the speed that its bodies gain from loads in a step (R3)",
+        "closing speed that counts, relative to what loads give its bodies in a step (R3); at most 1e5 times the tolerance",
         POSITIVE,
-    ),
-    "pile_closing_tolerance": Option(
-        "the same in islands of more than 100 contacts, if it is larger", POSITIVE
     ),
     "closing_tolerance_speed": Option(
         "closing speed that counts, relative to the fastest body (R3)", POSITIVE
