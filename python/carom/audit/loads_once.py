@@ -124,7 +124,8 @@ def turns(block: Block, shift: F64) -> Turns:
     normal the rest is what loads have changed by since, but for the share of its frame's normal.
 
     Where `P0` is not on record, or joints and loads that depend on the motion may have moved the bodies too, all of it is
-    taken for the loads.
+    taken for the loads. So it is after a fallback: jammed spheres have many loads, and those of velocities, which are on
+    record, may be others than those of positions.
     """
     c, run = block.rows, block.run
     first, then = _solved_at(block, shift)
@@ -159,7 +160,8 @@ def _of_step(block: Block) -> tuple[F64, Bool]:
     add_at(found, (contact[rows],), r.impulse[rows])
     answers = np.append(run.answering, False)
     moved = answers[c.a] | answers[np.minimum(c.b, run.bodies)]
-    return found, block.single[c.k] & ~moved & ~(struck & block.summed[c.k])
+    sure = block.single & (block.over(run.steps["fallbacks"]) == 0)
+    return found, sure[c.k] & ~moved & ~(struck & block.summed[c.k])
 
 
 def holds_gap(block: Block, shift: F64) -> Bool:
