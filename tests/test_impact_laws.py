@@ -282,6 +282,32 @@ HERTZ = {
 }
 
 
+def dragged_pair(law: str, seed: int) -> carom.Result:
+    """An elastic ball with drag hits another one, obliquely."""
+    rng = np.random.default_rng(seed)
+    normal, across = rng.normal(size=(2, 3))
+    normal /= np.linalg.norm(normal)
+    across -= (across @ normal) * normal
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("ball", "ball", friction=0.0, restitution=1.0)
+    scene.sphere("hit", radius=0.02, mass=0.1, material="ball", position=(0, 0, 0))
+    fast = 2.0 * across / np.linalg.norm(across) - normal
+    scene.sphere("thrown", radius=0.02, mass=0.08, material="ball", position=0.0401 * normal, velocity=fast)
+    scene.drag("thrown", translation=0.4)
+    return carom.simulate(scene, until=0.002, step=1e-3, impact=law)
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("seed", range(8))
+def test_of_a_pair_poissons_law_is_newtons_with_drag_too(seed: int) -> None:
+    """Drag slows the ball within the step, and restitution of the speed before it would add energy: both take as much of it
+    back (rule R4), although the normal turns and Poisson's law needs two problems.
+    """
+    one, other = (dragged_pair(law, seed) for law in ("sequence", "poisson"))
+    assert one.summary["restitution_scale_min"] < 1.0
+    np.testing.assert_allclose(other.velocity[-1], one.velocity[-1], rtol=0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize("law", ["compliant", "binary"])
 @pytest.mark.parametrize("speed", [0.01, 1.0])
 @pytest.mark.parametrize("count", HERTZ)

@@ -163,11 +163,16 @@ impl ImpactScratch {
                         work.add(before, solved.map(|l| l - had(r)), change);
                         continue;
                     };
-                    // The loads that are solved anew acted along the mean of the normals.
-                    work.add(before, solved, change);
+                    // The loads that are solved anew acted along the mean of the normals; impulses of earlier problems (compression) did not.
+                    let at = full.row as usize + r;
+                    let [earlier, loads] = match anew {
+                        true => [self.impulse[at], self.offset_impulse[at]],
+                        false => [0.0; 2],
+                    };
+                    work.add(before, solved.map(|l| l + earlier), change);
                     let turned = |v: &[f64]| full.along(middle, v) - measure(v);
                     let along = [0, 1].map(|k| change[k] + turned(&changes[k]));
-                    work.add(before + turned(&velocity), [-had(r); 2], along);
+                    work.add(before + turned(&velocity), [-loads; 2], along);
                 }
                 work
             })
