@@ -13,7 +13,8 @@ counted from the motion that problem 0 has left. It takes back what joints and l
 remain, and answers them anew. The problem that ends a sequence which was cut obeys the same law; that of
 `sequence-paper` has no restitution. By Poisson's law the first problem has none, and the second gives at least e_N of the
 impulses of compression (`compression`). An impact through springs is no contact problem: energy, cones and speeds of it
-are judged. Bounds: `bounds`.
+are judged. It only adds to the loads, with what joints answered to them, and problem 2 after it has no restitution.
+Bounds: `bounds`.
 """
 
 from __future__ import annotations
@@ -107,6 +108,8 @@ class Replay:
     def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool) -> None:
         self.block, self.r, self.kept = block, r, kept
         self.told: dict[str, list[Told]] = {}
+        #: The first impact problem drops what joints and loads answered to the loads; springs only add to it.
+        self.anew = block.run.impact_law.restitution != "energetic"
         self.work = np.zeros((len(r), 4))
         self.spent = np.zeros(block.count)
         run = block.run
@@ -194,7 +197,7 @@ class Replay:
         at, offset = self._moved(loads)
         before = self._terms(loads, at, offset)
         remained = np.flatnonzero(self.kept[loads])
-        at_kept, change = self._moved(remained, free=True)
+        at_kept, change = self._moved(remained, free=self.anew)
         chosen = np.append(remained, np.arange(begin, int(np.searchsorted(r.problem, 2))))
         at_first, first_change = self._moved(chosen)
         then = self._terms(chosen, at_first, first_change)
@@ -347,8 +350,8 @@ class Replay:
         every = np.arange(rows.start, rows.stop)
         self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * left)
         o, index = run.options, self.law[rows]
-        printed, poissons = (run.impact_law.restitution == law for law in ("printed", "poisson"))
-        acts = (r.problem > 0) & ~(run.ends(r.problem) & printed) & (not poissons)
+        newtons, printed = (run.impact_law.restitution == law for law in ("newton", "printed"))
+        acts = (r.problem > 0) & (newtons | (printed & ~run.ends(r.problem)))
         e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal
         if printed:
