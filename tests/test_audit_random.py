@@ -42,8 +42,11 @@ RODS = [16, 18, 37, 41, 47, 107, 117, 266, *range(3)]
 # repeats a joint (218), springs where smooth motion ends (310), reactions that the filter carries (319, 385), a normal of
 # penalty that was the direction of a sum of rounding errors (537).
 MIXED = [16, 17, 23, 25, 37, 44, 138, 160, 170, 218, 310, 319, 385, 537]
-# Joints answered loads that stayed in the impact: what they had answered was taken for undone, as `sequence` does.
-SPRINGS = [3, 59, 65, 73, 78, 89, 96, 119]
+# Through springs joints answered loads that stayed in the impact: what they had answered was taken for undone, as
+# `sequence` does. As printed the velocity of a drum that turns was taken along another normal than that of the ball
+# (9, 36), and the problem that ends a sequence which was cut has a number of its own in histories, too (60).
+SPRINGS = [(audit_random, [73, 75]), (audit_mixed, [3, 59, 65, 73, 78, 89, 96, 119])]
+LAWS = {"compliant": SPRINGS, "binary": SPRINGS, "sequence-paper": [(audit_random, [9, 36, 60])]}
 PRINTED = [15, 31, 67, 81, 91]
 STOPS = suppress(carom.RunFailed)
 """Some runs stop and say so, as joints that jam with contacts: what was done until then is judged."""
@@ -60,10 +63,9 @@ KINDS: dict[str, list[tuple[ModuleType, list[int], int, Any, dict[str, Any]]]] =
     ],
     **{
         f"random scenes by impact law {law}": [
-            (source, seeds, 130, STOPS, {"impact": law})
-            for source, seeds in ((audit_random, [73, 75]), (audit_mixed, SPRINGS))
+            (source, seeds, 130, STOPS, {"impact": law}) for source, seeds in kinds
         ]
-        for law in ("compliant", "binary")
+        for law, kinds in LAWS.items()
     },
     "random scenes of method events": [(audit_events, [112, 260, *range(6)], 300, STOPS, {})],
 }

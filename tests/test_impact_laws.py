@@ -140,6 +140,24 @@ def test_the_auditor_accepts_its_runs(law: str, tmp_path: Path) -> None:
     assert LAWS[law].problems == 0 or np.max(found["problem"]) <= LAWS[law].problems
 
 
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+def test_what_a_damper_closes_after_the_springs_does_not_rebound(law: str, tmp_path: Path) -> None:
+    """It takes more than half of the velocity that the floor gives a ball: the ball closes again, and stays."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("m", "m", friction=0.3, restitution=0.9)
+    scene.contact("m", "floor", friction=0.3, restitution=0.9)
+    scene.plane("floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))
+    for name, mass, x, z in (("a", 0.1, 0, 0.02), ("beside", 0.1, 0.04, 0.02), ("above", 10.0, 0, 0.2)):
+        scene.sphere(name, radius=0.02, mass=mass, material="m", position=(x, 0, z), velocity=(0, 0, -1))
+    scene.spring("a", "above", points=[(0, 0, 0.02), (0, 0, 0.2)], stiffness=1.0, damping=300.0)
+    simulated(scene, impact=law, step=1e-3, until=1e-3, out=tmp_path / "run").close()
+    found = carom.load(tmp_path / "run").impacts
+    again = (np.asarray(found["problem"]) == 2) & (np.asarray(found["body"])[:, 1] == 3)
+    assert np.asarray(found["approach"])[again] == pytest.approx([-0.524], abs=1e-3)
+    assert np.abs(np.asarray(found["separation"])[again]).max() < 1e-9
+    assert check(tmp_path / "run").ok
+
+
 # ---------------------------------------------------------------------------------------------- other laws than Newton's
 
 

@@ -95,7 +95,10 @@ def _histories(run: Run, tally: Tally) -> None:
 
     beyond = np.maximum(0.0, np.asarray(values)[end - 1] - told("residual"))
     beyond += np.maximum(0, np.diff(end, prepend=0) - 1 - told("iterations").astype(np.int64))
-    beyond += np.maximum(0, problem - np.where(level == 2, s["impact_problems"][step - 1], 0))
+    last = run.ends(problem) & (level == 2) & (s["truncated"][step - 1] > 0)
+    beyond += np.where(
+        last, 0, np.maximum(0, problem - np.where(level == 2, s["impact_problems"][step - 1], 0))
+    )
     beyond += np.maximum(0, contacts - s["candidates"][step - 1].astype(np.int64))
     beyond += np.diff(step * len(LEVELS) + level, prepend=0) <= 0
     whole = np.flatnonzero(~run.cut[step - 1] & (s["fallbacks"][step - 1] == 0))

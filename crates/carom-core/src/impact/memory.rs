@@ -54,6 +54,8 @@ pub struct ImpactScratch {
     /// Closing tolerance of each contact, m/s, and changes of their walls' normal velocities, where walls move.
     pub closing: Vec<f64>,
     pub(super) wall_loads: Vec<f64>,
+    /// Speeds at which these open contacts at t_n along the normal of then, as the paper prints restitution, m/s.
+    pub(super) wall_openings: Vec<f64>,
     pub speeds: Speeds,
     /// Of the walls of its contacts.
     pub(super) wall_speeds: Speeds,

@@ -53,6 +53,7 @@ impl ImpactScratch {
         self.driven.iter_mut().for_each(Vec::clear);
         self.wall_speeds = Speeds::default();
         self.wall_loads.clear();
+        self.wall_openings.clear();
         self.middle.clear();
         self.opening.clear();
         let once = model.options.loads_once();
@@ -91,6 +92,8 @@ impl ImpactScratch {
                 }
                 self.wall_loads
                     .push((measures[1][0] - measures[0][0]).abs());
+                let opens = old.map_or(0.0, |old| -c.n0.dot(old.shape));
+                self.wall_openings.push(opens);
                 for (all, of_contact) in self.driven.iter_mut().zip(&measures) {
                     all.extend_from_slice(&of_contact[..dim]);
                 }

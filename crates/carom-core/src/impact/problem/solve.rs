@@ -15,6 +15,7 @@ use crate::problem::Solve;
 use crate::rows::along;
 use carom_solve::rows::{Measured, RowContact, Subproblem, NODE_DOF};
 use carom_solve::NewtonOptions;
+use glam::DVec3;
 use std::mem::take;
 
 /// Speed over r/h (1) below which the multipliers of joints at rest are rounding. At 0 a ball that is held without gravity never counts as
@@ -247,7 +248,7 @@ impl ImpactScratch {
                     }
                     continue;
                 }
-                Law::Printed => self.printed_approach(&c, contact),
+                Law::Printed => self.printed_approach(slot, contact.n0),
                 _ => self.relative::<0>(&c, c.row as usize, &self.v_minus),
             };
             let [normal, across] =
@@ -289,18 +290,18 @@ impl ImpactScratch {
     }
 
     /// `G_N(n) V_minus`: the normal of t_n, as eqs. 16, 24 and 43 print it.
-    fn printed_approach(&self, c: &RowContact, contact: &Contact) -> f64 {
-        let n = contact.n0;
+    fn printed_approach(&self, slot: usize, n: DVec3) -> f64 {
+        let c = &self.full.contacts[slot];
         let row = [n.x, n.y, n.z, 0.0, 0.0, 0.0];
         let part = |node: u32| {
             let v = &self.v_minus[NODE_DOF * node as usize..];
-            along(&row, glam::DVec3::new(v[0], v[1], v[2]), glam::DVec3::ZERO)
+            along(&row, DVec3::new(v[0], v[1], v[2]), DVec3::ZERO)
         };
         let mut sum = part(c.node_a);
         if c.node_b != carom_solve::rows::WORLD {
             sum -= part(c.node_b);
         }
-        sum + self.driven[0].get(c.row as usize).copied().unwrap_or(0.0)
+        sum + self.wall_openings.get(slot).copied().unwrap_or(0.0)
     }
 
     pub(super) fn newton_options(&self, model: &Model) -> NewtonOptions {
