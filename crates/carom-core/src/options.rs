@@ -248,7 +248,7 @@ options! {
     /// `touching_tolerance`, over h for velocities.
     tolerance_floor: f64 = 1e-12,
     /// |gap| of closed contacts after the position solve, over r_c: asked in islands of up to `dense_contacts` contacts, aimed at in
-    /// those of up to 50.
+    /// those above that are no piles.
     gap_tolerance: f64 = 1e-10,
     /// Gap over r_c up to which a contact without multiplier counts as closed.
     touching_tolerance: f64 = 1e-9,

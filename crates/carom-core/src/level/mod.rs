@@ -25,10 +25,6 @@ use carom_solve::{NewtonOptions, RowSystem};
 /// Share (1) of its friction that a companion of positions has. At 0 bounds would be other rows; larger, what slides is lifted by mu times its slip.
 const LITTLE_FRICTION: f64 = 1e-6;
 
-/// Most contacts of an island whose gaps are asked for to `gap_tolerance` as well. Without a bound two steps of twelve falling heaps
-/// (`validation/drops`) were halved that are solved with it: gaps around closed chains contradict one another by what rounding left.
-const GAP_CHECK_CONTACTS: usize = 50;
-
 /// A level of a step, as every island of it is solved.
 #[derive(Clone, Copy)]
 pub struct Task<'a> {
@@ -87,7 +83,7 @@ pub(crate) fn newton_options(
     NewtonOptions {
         tolerance: tolerance(options, contacts),
         floor,
-        gap_tolerance: if position && contacts <= GAP_CHECK_CONTACTS {
+        gap_tolerance: if position {
             options.gap_tolerance
         } else {
             f64::INFINITY
