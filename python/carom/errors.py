@@ -117,6 +117,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "step": ("dt", "h", "timestep", "time_step", "step_size"),
     "until": ("t_end", "tend", "t_max", "tmax", "t", "duration", "end", "end_time"),
     "tolerance": ("tol", "tol_r", "rtol"),
+    "closing_tolerance_load": ("pile_closing_tolerance",),
     "friction": ("mu", "friction_coefficient"),
     "restitution": ("e", "e_n", "en", "cor"),
     "tangential_restitution": ("e_t", "et"),
@@ -132,7 +133,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "gravity": ("g",),
     "normal": ("n",),
 }
-"""What other programs and the literature call the keys."""
+"""What other programs, the literature and earlier versions call the keys."""
 
 
 def extra(module: str, needs: str, name: str, cure: str = "") -> Any:
