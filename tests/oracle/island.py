@@ -16,9 +16,10 @@ from .problem import EPS, Layout, VelocityProblem
 from .smooth import FreeMotion
 
 CLOSING_LOAD, OVER_TOLERANCE, CLOSING_SPEED = 0.1, 1e5, 1e-6
-"""Closing tolerance over the change of velocity by loads, and over the largest speed (rule R3)."""
+"""Closing tolerance (rule R3): over the change of velocity by loads, at most; that over the tolerance of the core; over the
+largest speed."""
 LARGE_ISLAND = 10
-"""Contacts above which the closing tolerance goes by the loads on a contact's own bodies, and by the speed from below."""
+"""Contacts above which the tolerance of the core is its `pile_tolerance`."""
 SPRINGS: dict[str, float | None] = {"compliant": None, "binary": None}
 """Laws through springs `F = k d^n`, with n; None: that of the options."""
 

@@ -222,7 +222,8 @@ def _options(given: Mapping[str, Any]) -> Options:
         )
         if name in given
     }
-    small, coarse = (float(given.get(*item)) for item in (("tolerance", 1e-8), ("pile_tolerance", 1e-7)))
+    names = ("tolerance", "pile_tolerance")
+    small, coarse = (float(given.get(*item)) for item in zip(names, Options.closing, strict=True))
     options = Options(
         step=float(given["step"]),
         tolerance=float(given.get("reference_tolerance", 1e-12)),

@@ -114,7 +114,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """(K,) how deep pairs may overlap, m.
 
     nsga: `gap_tolerance r` and 16 roundings of the largest coordinate. Beyond `dense_contacts` contacts that is an aim: what
-    eq. 44 leaves of `p gap`, p = 0.5/D_cc, stays where gaps contradict one another (jammed balls). Beyond 50 the solver
+    eq. 44 leaves of `p gap`, p = 0.5/D_cc, stays where gaps contradict one another (jammed balls). In piles the solver
     aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then), and so do the smaller
     ones where contacts were not recorded.
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
@@ -132,7 +132,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     t = run.loosest
     if run.method == "moreau" and not run.options["position_projection"]:
         return np.asarray(_way(run, a, b) + rounding)
-    many = (block.over(run.steps["candidates"])[k] > 50) | block.piled[k]
+    many = block.piled[k]
     known = block.kept[k] & run.has_contacts
     many |= block.large[k] & ~known
     left = 2.0 * compliance(run, a, b)[0] * (block.left(norm(block.rows.position_impulse)) + block.floor)[k]
