@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +146,7 @@ def _loads(made: carom.Scene, rng: np.random.Generator, often: Any) -> None:
                       torque=[0, {"expression": f"{0.1 * a * r}*cos({w}*t)"}, 0])  # fmt: skip
 
 
-def main() -> None:
+def main(scene: Callable[[int], tuple[carom.Scene, dict[str, Any]]] = scene, until: float = UNTIL) -> None:
     """Tries the scenes of `COUNT [FIRST]` seeds."""
     from audit_scenes import run
     from carom import audit
@@ -156,7 +157,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as scratch:
             made, options = scene(seed)
             try:
-                path = run(made, Path(scratch) / "run", UNTIL, **options)
+                path = run(made, Path(scratch) / "run", until, **options)
             except carom.CaromError as error:
                 stopped += 1
                 print(f"seed {seed}: not simulated: {error}", flush=True)

@@ -95,7 +95,9 @@ def _frames(run: Path) -> int:
         return 0
 
 
-def test_who_does_not_know_the_address_gets_no_answer(tmp_path: Path) -> None:
+def test_who_does_not_know_the_address_gets_no_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("viser", reason="needs viser (extra live)")
     import viser
     from carom.show.viewer.live import Live
@@ -105,6 +107,7 @@ def test_who_does_not_know_the_address_gets_no_answer(tmp_path: Path) -> None:
     scene = Path(carom.__file__).parent / "scenarios" / "three_balls.toml"
     carom.simulate(str(scene), out=tmp_path / "run")
     with Live(tmp_path / "run", port=0) as live:
+        assert not capsys.readouterr().out  # viser would name an address without the token
         bare, token = live.url.rstrip("/").rsplit("/", 1)
         host = bare.removeprefix("http://")
         port = host.rpartition(":")[2]

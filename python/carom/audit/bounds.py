@@ -52,11 +52,17 @@ def left(block: Block, plain: F64, own: F64, solved: F64, speed: F64) -> F64:
     `plain`: root of the sum of all squares of the interval; `own` and `solved`: the terms of the problem and of what it adds
     to; `speed`: the largest of a body, m/s; each (B,).
     """
-    run, t = block.run, block.run.loosest
-    floor = t["touching_tolerance"] * run.radius.max() / run.h + t["tolerance_floor"] * speed
     # |P| is |r_p| up to the residual.
-    stated = (block.tolerance * (own + solved) + floor * run.mass.max()) / (1.0 - block.tolerance)
+    stated = (block.tolerance * (own + solved) + floor(block, speed)) / (1.0 - block.tolerance)
     return np.asarray(np.where(block.cascaded, stated, 8.0 * block.tolerance * plain))
+
+
+def floor(block: Block, speed: F64) -> F64:
+    """(B,) what it may leave however small the impulses are, N s, for largest speeds of a body: more in halves of a step."""
+    run, t = block.run, block.run.loosest
+    h = run.h / 2.0 ** np.minimum(block.over(run.steps["halvings"]), 8.0)
+    least = t["touching_tolerance"] * run.radius.max() / h + t["tolerance_floor"] * speed
+    return np.asarray(least * run.mass.max())
 
 
 def misfit(z: F64, push: F64, own: F64) -> F64:

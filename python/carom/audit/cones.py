@@ -17,13 +17,16 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit import forces, groups, loads_once, works
 from carom.audit.block import Block, once
-from carom.audit.bounds import gain
+from carom.audit.bounds import floor, gain
 from carom.audit.centres import at_walls, wall_slack
 from carom.audit.data import Run
+from carom.audit.loads import turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, across, dot, norm, unit
 
+#: Share of its bound from which on friction is said to slip, less than 1 by this much.
+ALMOST = 1e-9
 PARTS = "several steps, or parts of one, lie between the frames"
 
 
@@ -51,12 +54,15 @@ def judge(block: Block, tally: Tally) -> None:
 
 def _pushed(block: Block, tally: Tally) -> None:
     """Positions that follow loads are corrected along normals alone: what moves the bodies pushes. Its friction is that of
-    the loads, near the normal half-way between both ends of the step.
+    the loads, across the normal half-way between those where they were solved; where they were solved again, half-way
+    between both ends of the step.
     """
     c, first = block.rows, loads_once.firsts(block)
     size = norm(c.position_impulse)
     angle = np.maximum(norm(c.normal - block.start[1]), np.where(block.single[c.k], 0.0, forces.turn(block)))
-    pulled = -dot(c.position_impulse, unit(first + c.normal)) - 0.5 * angle * size
+    solved = unit(np.add(*loads_once.solved_at(block, forces.of_contacts(block).shift)))
+    pushed = np.maximum(*(dot(c.position_impulse, of) for of in (solved, unit(first + c.normal))))
+    pulled = -pushed - 0.5 * angle * size
     bound = block.left(size)[c.k] + 16.0 * EPS * size
     bound = bound + np.where(block.piled[c.k], forces.bent(block)[c.k, c.a], 0.0)
     tally.measure("sign", np.maximum(pulled, 0.0), bound, _place(block))
@@ -107,6 +113,8 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     run, c = block.run, block.rows
     size = norm(impulse)
     left = block.left(size)[c.k] + 16.0 * EPS * size
+    # Of the whole impulse some part, itself in the cone, may act along the other normal.
+    left = left + np.sqrt(1.0 + np.square(np.nan_to_num(mu))) * size * loads_once.unsure(block, 0)
     angle = np.where(block.single[c.k], 0.0, forces.turn(block))
     angle = np.where(angle > 0.0, np.maximum(angle, norm(c.normal - block.start[1])), 0.0)
     parts = forces.split(impulse, c.normal, block.start[1])
@@ -212,6 +220,9 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     if not rows.size:
         return
     left = block.left(size)[c.k] + 16.0 * EPS * size
+    left = left + turned_loads(block, c.k, loads_once.firsts(block), c.normal)
+    fastest = (np.nan_to_num(forces.speeds(block))).max(axis=1, initial=0.0)
+    left = left + np.where(block.large, floor(block, fastest), 0.0)[c.k]
     defects, bounds = [], []
     for part in forces.split(impulse, c.normal, block.start[1]):
         found = _rates(block, c.normal, part.lever)
@@ -222,9 +233,11 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         own = compliance(run, c.a, c.b)
         still = 2.0 * own[1] * left + noise
         defect = opposed(part.sliding, found.slip, mu * push, left, still)
-        # Who is said to stick does not slip, and who is said to slip has all of its friction.
-        moving = np.maximum(0.0, norm(found.slip) - still) / own[1] * (mu > 0.0)
+        # Who is said to stick does not slip, and who is said to slip has all of its friction. Who slips may have a little
+        # less, as much as the solver may leave, and is said to stick then.
         short = np.maximum(0.0, mu * push - norm(part.sliding))
+        nearly = (short > ALMOST * mu * push) & (short <= left * (1.0 + mu))
+        moving = np.maximum(0.0, norm(found.slip) - still) / own[1] * ((mu > 0.0) & ~nearly)
         told = np.select([c.status == 1, c.status == 2], [moving, short], np.inf)
         defects.append(np.maximum(defect, told))
         bounds.append(left * (1.0 + mu))

@@ -62,6 +62,7 @@ class Sums:
     """Contacts of the body."""
 
 
+@once
 def of_contacts(block: Block) -> Sums:
     """Sums of the recorded contacts of a block."""
     c, run = block.rows, block.run
@@ -74,6 +75,7 @@ def of_contacts(block: Block) -> Sums:
     shifted = split(pushed, *frame)
     angle = turn(block)
     spread = np.where(block.single[c.k] | (angle == 0.0), 0.0, np.maximum(angle, norm(c.normal - start)))
+    spread = np.maximum(spread, loads_once.unsure(block, 1))
 
     def collect(of_a: F64, of_b: F64) -> F64:
         """Adds what a row gives to its bodies; walls take nothing."""
@@ -97,7 +99,8 @@ def of_contacts(block: Block) -> Sums:
     unknown, again = np.zeros((2, len(c)))
     if run.loads_once:
         arm, unknown, again = loads_once.turns(block, shift)
-        turned_by = (moment(loads_once.arms(block), c.moment),) * 2
+        first, second = (moment(of, c.moment) for of in loads_once.arms(block))
+        turned_by = first, second
         shifted_by = (moment(arm, c.position_moment),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
     ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]

@@ -239,12 +239,14 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     value = bounds.misfit(z, push, compliance(run, r.a, r.b)[0])
     size = norm(r.impulse)
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
-    left = 8.0 * block.tolerance[r.k] * whole * compliance(run, r.a, r.b)[0]
+    fastest = np.nan_to_num(forces.speeds(block)).max(axis=1, initial=0.0)
+    least = np.where(block.large, bounds.floor(block, fastest), 0.0)
+    left = (8.0 * block.tolerance[r.k] * whole + least[r.k]) * compliance(run, r.a, r.b)[0]
     # An impact takes back what carried the weight above its contact: at most all of it, on the lighter body.
     lightest = np.minimum(run.mass[r.a], np.append(run.mass, np.inf)[np.minimum(r.b, run.bodies)])
     load = load * 2.0 + np.maximum(load * run.mass.sum() / lightest, _taken_back(block, r))
     unknown = e * (load + run.options["restitution_threshold"]) + run.rebound(index, -r.approach, load)
-    bound = unknown + left + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation))
+    bound = unknown + left + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation)) + _turned(block, r)
     # What loads may have added grows with the weight of all bodies: where it reaches the speeds of the impact, only a value
     # beyond it says anything, and one within it is no proof.
     speed = np.maximum(np.abs(r.approach), np.abs(r.separation))
@@ -255,6 +257,17 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     tally.skip("impact", why, "a smaller step", int((blunt & shown).sum()))
     sharp = np.flatnonzero(~blunt)
     tally.measure("impact", value[sharp], bound[sharp], hits.place(block, r.of(sharp)))
+
+
+def _turned(block: Block, r: Hits) -> F64:
+    """(K,) m/s by which the recorded speeds of loads that are solved once differ from those of their law, which holds along
+    another normal.
+    """
+    run, other = block.run, np.minimum(r.b, block.run.bodies - 1)
+    _, start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])
+    fast = forces.speeds(block) + forces.strokes(block)[0] / run.mass
+    both = fast[r.k, r.a] + np.where(r.b < run.bodies, fast[r.k, other], 0.0)
+    return np.where((r.problem == 0) & run.loads_once, norm(r.normal - start) * both, 0.0)
 
 
 def _taken_back(block: Block, r: Hits) -> F64:

@@ -14,7 +14,7 @@ from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
 from carom.audit.forces import curvature, pushes, shifts, strokes, together
 from carom.audit.formula import law
-from carom.audit.vectors import cross, dot, norm, rotated
+from carom.audit.vectors import cross, dot, norm, rotated, unit
 
 
 @dataclass
@@ -358,3 +358,14 @@ def solved_again(block: Block) -> F64:
     again = np.nan_to_num(of_loads(block).alone_slack)
     changed = (again[..., 0] + again[..., 1] / run.radius).sum(axis=1)
     return np.asarray(run.h * (changed + np.bincount(c.k, np.nan_to_num(each), minlength=block.count)))
+
+
+def turned_loads(block: Block, k: I64, first: F64, last: F64) -> F64:
+    """(K,) N s by which the second solve of the loads of a pile may be off its law, at contacts of the intervals `k` with
+    these normals at both ends. Sweeps have one frame, half-way; they know by how much velocities differ in it from the
+    first solve, but for what changed since.
+    """
+    if not (block.run.loads_once and block.cascaded.any()):
+        return np.zeros(len(k))
+    apart = norm(cross(unit(first + last), last))
+    return np.where(block.cascaded[k], apart * solved_again(block)[k] / block.run.h, 0.0)

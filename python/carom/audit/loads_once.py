@@ -102,10 +102,24 @@ def stated(block: Block) -> tuple[F64, F64]:
     )
 
 
-def arms(block: Block) -> F64:
-    """(K, 3) `n x P_T` of the recorded impulses."""
+def unsure(block: Block, problems: int) -> F64:
+    """(K,) rad by which recorded impulses may be turned against the frame of the loads, since those of impacts act along the
+    last normal. 0 where it is on record which ones those are, and in steps of no more than so many problems: in a step
+    with one problem the impulses of a group are all of impacts or all of loads.
+    """
+    c, run = block.rows, block.run
+    if run.has_impacts or not run.loads_once:
+        return np.zeros(len(c))
+    hit = block.over(run.steps["impact_problems"])[c.k] > problems
+    return np.where(hit, norm(unit(firsts(block) + c.normal) - c.normal), 0.0)
+
+
+def arms(block: Block) -> tuple[F64, F64]:
+    """(K, 3) `n x P_T` of the recorded impulses; if those of a group may all be of impacts, a second reading as such."""
     c, loads = block.rows, of_loads(block).remained
-    return np.asarray(cross(c.normal, c.impulse - loads) + along_mean(loads, firsts(block), c.normal).arm)
+    of_impacts = cross(c.normal, c.impulse - loads)
+    of_loads_too = np.asarray(of_impacts + along_mean(loads, firsts(block), c.normal).arm)
+    return of_loads_too, of_loads_too if block.run.has_impacts else np.asarray(cross(c.normal, c.impulse))
 
 
 class Turns(NamedTuple):
@@ -128,7 +142,7 @@ def turns(block: Block, shift: F64) -> Turns:
     record, may be others than those of positions.
     """
     c, run = block.rows, block.run
-    first, then = _solved_at(block, shift)
+    first, then = solved_at(block, shift)
     middle = unit(first + then)
     loads, known = _of_step(block)
     normal, slide = parts(loads, unit(first + c.normal))
@@ -167,7 +181,7 @@ def _of_step(block: Block) -> tuple[F64, Bool]:
 def holds_gap(block: Block, shift: F64) -> Bool:
     """(K,) whether positions were corrected along the normal of a contact: part of what moved its bodies surely is."""
     c = block.rows
-    first, then = _solved_at(block, shift)
+    first, then = solved_at(block, shift)
     normal, size = dot(c.position_impulse, unit(first + then)), norm(c.position_impulse)
     return np.asarray(normal > SURELY * size + (block.left(size) + block.floor)[c.k])
 
@@ -177,7 +191,7 @@ def unknown_across(block: Block, shift: F64) -> F64:
     opened since, what loads moved it by along the normal was taken back along another one.
     """
     c, run = block.rows, block.run
-    first, then = _solved_at(block, shift)
+    first, then = solved_at(block, shift)
     by_loads = norm(c.impulse) + run.mass[c.a] * (
         norm(run.gravity) * run.h + norm(block.v1 - block.v0)[c.k, c.a]
     )
@@ -185,7 +199,7 @@ def unknown_across(block: Block, shift: F64) -> F64:
     return np.where(holds_gap(block, shift), 0.0, size)
 
 
-def _solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
+def solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
     """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved."""
     c, run = block.rows, block.run
     x, other = block.x1 - shift / run.mass[:, None], np.minimum(c.b, run.bodies - 1)

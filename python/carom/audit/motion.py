@@ -21,8 +21,9 @@ from carom.arrays import F64, Bool
 from carom.audit import answers, forces
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
+from carom.audit.corrections import groups
 from carom.audit.forces import Sums
-from carom.audit.loads import Loads, of_loads, solved_again
+from carom.audit.loads import Loads, memory, of_loads, solved_again
 from carom.audit.report import Tally
 from carom.audit.vectors import (
     EPS,
@@ -56,6 +57,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
             )
         known &= block.kept[:, None] | free
     else:
+        free = _untouched(block, free)
         for kind in ("momentum", "spin", "position", "rotation"):
             tally.skip(kind, CONTACTS, RECORD, int((known & ~free).sum()))
         known &= free
@@ -81,13 +83,31 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         _take(block, tally, kind, value, found[0][1][..., k], known)
 
 
+def _untouched(block: Block, free: Bool) -> Bool:
+    """(B, N) the `free` bodies, of those that joints hold together only if all are, and were until the filter of the scheme
+    has forgotten it: joints hand on what contacts give.
+    """
+    run, found = block.run, free.copy()
+    steps = run.steps
+    touched = np.flatnonzero((steps["contacts"] > 0) | (steps["impact_problems"] > 0) | run.cut) + 1.0
+    before = touched[touched <= block.s0[0]].max(initial=-np.inf)
+    kept = memory(run)
+    long = np.log(EPS**2) / np.log(kept) if kept > 0.0 else 0.0
+    for bodies, _ in groups(run.joints):
+        last = np.where(free[:, bodies].all(axis=1), -np.inf, block.s1)
+        since = block.s0 - np.maximum(np.maximum.accumulate(last), before)
+        found[:, bodies] = (since >= long)[:, None]
+    return found
+
+
 def _rounding(block: Block) -> F64:
-    """Roundings that may have gathered: a few for every step, or substep; and of piles, of about six contacts a ball,
-    those of every sweep that adds to impulses.
+    """(B, N) roundings that may have gathered: a few for every step, or substep; and of piles, of six contacts a ball or
+    more, those of every sweep that adds to impulses.
     """
     swept = np.where(block.large, 16.0, 1.0)  # larger islands add impulses in many sweeps, which may cancel
     sums = block.total(block.run.steps["sweeps_position"] + block.run.steps["sweeps_velocity"])
-    return EPS * (swept * (8.0 + 2.0 * block.updates) + 6.0 * sums)[:, None]
+    count = np.maximum(6.0, forces.of_contacts(block).count)
+    return np.asarray(EPS * ((swept * (8.0 + 2.0 * block.updates))[:, None] + count * sums[:, None]))
 
 
 def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: Bool) -> None:

@@ -29,10 +29,10 @@ from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
-from carom.audit.loads import solved_again
+from carom.audit.loads import turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, across, add_at, cross, dot, norm, unit
+from carom.audit.vectors import EPS, across, add_at, cross, dot, norm
 
 
 class Told(NamedTuple):
@@ -337,8 +337,9 @@ class Replay:
         self.scratch[at] = 0.0
         minus = self._rates(rows, (before_impact[a], before_impact[b]), old=True)
         rho = bounds.left(self.block, self.plain, self._terms(rows, at, change), solved, self.speed)
+        turned_by = turned_loads(self.block, r.k, self.first[rows], r.normal) if r.problem[0] == 0 else 0.0
         left, own, push = (
-            rho[r.k] + self._turned_loads(rows, r),
+            rho[r.k] + turned_by,
             [of[rows] for of in self.compliance],
             self.push[rows],
         )
@@ -399,17 +400,6 @@ class Replay:
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)
         np.maximum.at(self.top, k, norm(reach[:, :3]) + run.radius[body] * norm(reach[:, 3:]))
-
-    def _turned_loads(self, rows: slice, r: Hits) -> F64:
-        """(K,) N s by which the second solve of the loads of a pile may be off its law: sweeps have one frame, half-way, and
-        know by how much velocities differ in it from the first solve, but for what changed since.
-        """
-        block = self.block
-        if not (block.run.loads_once and (r.problem == 0).any() and block.cascaded.any()):
-            return np.zeros(len(r))
-        apart = norm(cross(unit(self.first[rows] + r.normal), r.normal))
-        loads = block.cascaded[r.k] & (r.problem == 0)
-        return np.where(loads, apart * solved_again(block)[r.k] / block.run.h, 0.0)
 
     def _expansion(self, rows: slice, own: list[F64], left: F64) -> tuple[F64, F64, F64]:
         """Least normal impulses (K,) and what is added to the slip (K, 3) by Poisson's law, not a number where they are not

@@ -92,7 +92,7 @@ impl Pile {
                 let (m, z) = memory.state(model, contacts, m, law, frame);
                 let (r, z) = (DVec3::from(impulses[k]), z + change(&m, u));
                 let turned = moments.get(k).map_or(0.0, |&moment| {
-                    DVec3::from(moment).dot(memory.turn(slot) + roll::change(&m, u))
+                    DVec3::from(moment).dot(memory.state_turn(slot, &m) + roll::change(&m, u))
                 });
                 let least = if law == Law::Expansion {
                     m.expansion.1

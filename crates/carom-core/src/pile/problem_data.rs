@@ -165,11 +165,13 @@ impl Pile {
         let stated = chosen.map(|(k, (&slot, (c, r)))| {
             let m = &memory.closed[slot as usize];
             let moment = moments.get(k).filter(|_| !memory.turning.is_empty());
+            let normal = DVec3::from(c.normal);
             let turning = moment.map_or([DVec3::ZERO; 2], |&moment| {
-                [memory.turn(slot), DVec3::from(moment)]
+                let turn = memory.state_turn(slot, &ClosedContact { normal, ..*m });
+                [turn, DVec3::from(moment)]
             });
             Stated {
-                normal: DVec3::from(c.normal),
+                normal,
                 ..Stated::of(m, DVec3::from(c.slip), DVec3::from(*r), turning)
             }
         });

@@ -4,7 +4,8 @@
 //! `delta lambda_N` (`docs/theory/algorithm.md`, section 2). Law does not act on them. In a pile in which nothing rolls the
 //! list is empty, and nothing here costs anything.
 
-use super::closed_contact::ClosedContact;
+use super::closed_contact::{ClosedContact, Frame};
+use crate::contact::{turned, Contact};
 use crate::pile::turning::Turning;
 use crate::pile::velocities::Velocities;
 use carom_solve::rows::WORLD;
@@ -58,21 +59,29 @@ impl Velocities {
         self.free_turn(slot) + relative(&self.closed[slot as usize], &self.jump)
     }
 
+    /// [`Self::turn`] as a problem has it whose impulses act in the frame of `stated`: as [`Self::state`] has the measures of forces.
+    pub fn state_turn(&self, slot: u32, stated: &ClosedContact) -> DVec3 {
+        let (m, turn) = (&self.closed[slot as usize], self.turn(slot));
+        if stated.normal == m.normal {
+            return turn;
+        }
+        let known = match self.known.is_empty() {
+            true => DVec3::ZERO,
+            false => relative(m, &self.known),
+        };
+        turned(turn + known, m.normal, stated.normal) - known
+    }
+
     /// Relative angular velocity and moment of a closed contact so far; nothing where nothing rolls.
     pub fn turning_now(&self, slot: u32) -> Option<[DVec3; 2]> {
         let turning = self.turning.get(slot as usize)?;
         Some([self.turn(slot), turning.moment])
     }
 
-    /// Work of a moment that changes the relative angular velocity by so much.
-    pub fn turning_work(&self, slot: u32, moment: DVec3, change: DVec3) -> [f64; 2] {
+    /// Work of a moment that changes the relative angular velocity by so much, in the frame of a normal.
+    pub fn turning_work(&self, slot: u32, normal: DVec3, moment: DVec3, change: DVec3) -> [f64; 2] {
         let before = self.turn(slot);
-        work(
-            self.closed[slot as usize].normal,
-            moment,
-            before,
-            before + change,
-        )
+        work(normal, moment, before, before + change)
     }
 
     /// Sum of squares of all moments so far over the reference lengths, as eq. 44 counts them.
@@ -93,10 +102,13 @@ impl Velocities {
         }
     }
 
-    /// Work of all moments so far, from `v_check` to `v_check + jump`.
-    pub fn restate_turning_work(&mut self) {
+    /// Work of all moments so far, from `v_check` to `v_check + jump`, in the frames of the problem that gave them.
+    pub fn restate_turning_work(&mut self, contacts: &[Contact], frame: Frame) {
         for slot in 0..self.turning.len() {
-            let (m, t) = (&self.closed[slot], &self.turning[slot]);
+            let (m, t) = (
+                frame.state(contacts, &self.closed[slot]),
+                &self.turning[slot],
+            );
             let (before, after) = (self.free_turn(slot as u32), self.turn(slot as u32));
             self.turning[slot].work = work(m.normal, t.moment, before, after);
         }

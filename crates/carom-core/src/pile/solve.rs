@@ -239,7 +239,8 @@ impl Pile {
         if !memory.turning.is_empty() {
             self.rolls.extend(memory.chosen.iter().map(|&slot| {
                 let turning = &memory.turning[slot as usize];
-                turning.stated(memory.turn(slot))
+                let stated = frame.state(contacts, &memory.closed[slot as usize]);
+                turning.stated(memory.state_turn(slot, &stated))
             }));
         }
     }
@@ -270,7 +271,7 @@ impl Pile {
                 let hits = memory.closed[slot as usize].add(problem, &given, once);
                 if let Some(moment) = turned {
                     let change = roll::change(&m, u);
-                    let done = memory.turning_work(slot, moment, change);
+                    let done = memory.turning_work(slot, m.normal, moment, change);
                     memory.turning[slot as usize].add(moment, done, hits);
                 }
             }

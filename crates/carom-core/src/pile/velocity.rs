@@ -258,7 +258,7 @@ impl Pile {
             m.work = work(stated.normal, m.impulse, before, memory.now(&stated));
         });
         memory.closed = members;
-        memory.restate_turning_work();
+        memory.restate_turning_work(contacts, frame);
     }
 }
 

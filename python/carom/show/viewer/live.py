@@ -10,6 +10,8 @@ import secrets
 import threading
 import warnings
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any, Self
 
@@ -62,7 +64,8 @@ class Live:
         self.notes: tuple[str, ...] = ()
         self._token = secrets.token_urlsafe(16)
         try:
-            with gated(self._token):
+            # viser prints an address without the token, at which nothing answers.
+            with gated(self._token), redirect_stdout(StringIO()):
                 self._server: Any = viser.ViserServer(host=HOST, port=port, verbose=False, label=self._title)
         except OSError as error:
             raise CaromError(
