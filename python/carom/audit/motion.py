@@ -101,12 +101,12 @@ def _untouched(block: Block, free: Bool) -> Bool:
 
 
 def _rounding(block: Block) -> F64:
-    """(B, N) roundings that may have gathered: a few for every step, or substep; and of piles, of six contacts a ball or
-    more, those of every sweep that adds to impulses.
+    """(B, N) roundings that may have gathered: a few for every step, or substep; and of piles those of every sweep, which
+    adds the change of each contact and what goes on of the last one, of three contacts a ball or more.
     """
     swept = np.where(block.large, 16.0, 1.0)  # larger islands add impulses in many sweeps, which may cancel
     sums = block.total(block.run.steps["sweeps_position"] + block.run.steps["sweeps_velocity"])
-    count = np.maximum(6.0, forces.of_contacts(block).count)
+    count = 2.0 * np.maximum(3.0, forces.of_contacts(block).count)
     return np.asarray(EPS * ((swept * (8.0 + 2.0 * block.updates))[:, None] + count * sums[:, None]))
 
 
