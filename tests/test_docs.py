@@ -15,7 +15,7 @@ import pytest
 from docs_pages import DOCS, KIT, ROOT, blocks, notebooks, program, run
 
 #: Run in the quick tier beside the pages of the billiards kit; all in the long one.
-QUICK = ("incline", "torque")
+QUICK = ("incline", "sliding_to_rolling", "torque")
 PAGES = [
     pytest.param(page, id=page.stem, marks=[] if page.stem in QUICK or page in KIT else [pytest.mark.long])
     for page in notebooks()
