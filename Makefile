@@ -42,6 +42,10 @@ demo: $(STAMPS)/extension ## simulate the billiard break of the paper, compare, 
 test: preflight-test $(STAMPS)/extras $(STAMPS)/extension ## quick tests, Rust and Python
 	@tools/test.sh quick $(ARGS)
 
+.PHONY: test-smoke
+test-smoke: preflight-test $(STAMPS)/test $(STAMPS)/extension ## the shortest tests, one of each kind, below 3 minutes
+	@tools/test.sh smoke $(ARGS)
+
 .PHONY: test-all
 test-all: preflight-test $(STAMPS)/extras $(STAMPS)/extension ## all tests, the long ones too
 	@tools/test.sh all $(ARGS)

@@ -146,7 +146,8 @@ def pages() -> list[Path]:
     """All pages that people read."""
     top = [path for path in ROOT.glob("*.md") if path.name != "CODE_OF_CONDUCT.md"]
     docs = [path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts]
-    return sorted([*top, *docs, ROOT / "benches" / "README.md", ROOT / "fuzz" / "README.md"])
+    others = [ROOT / name for name in ("benches/README.md", "fuzz/README.md", "paper/paper.md")]
+    return sorted([*top, *docs, *others])
 
 
 def complaints(text: str) -> list[list[str]]:

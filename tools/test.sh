@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Both test suites, each to its end, closing with the runners' own summary lines.
 #
-#   tools/test.sh quick|all [argument of pytest ...]
+#   tools/test.sh smoke|quick|all [argument of pytest ...]
 
 set -uo pipefail
 cd "$(dirname "$0")/.."
@@ -15,6 +15,8 @@ rust_args=() python_args=()
 if [ "$tier" = all ]; then
     rust_args=(--include-ignored)
     python_args=(-m "")
+elif [ "$tier" = smoke ]; then
+    mapfile -t python_args < <(grep -v '^#' tools/smoke.txt)
 fi
 
 # Compiled loudly, run quietly. Every crate is selected, as in the build of the extension: the features are then the same
