@@ -96,11 +96,11 @@ docs: $(STAMPS)/docs $(STAMPS)/extension ## the documentation, to docs/_build/ht
 	@echo "docs/_build/html/index.html"
 
 .PHONY: wheel
-wheel: $(STAMPS)/extension ## wheel and source distribution to dist/, tried in an empty environment
+wheel: $(STAMPS)/extension ## wheel and source distribution to dist/, tried in empty environments
 	@rm -rf dist
 	@.venv/bin/maturin build --release --strip --out dist
 	@.venv/bin/maturin sdist --out dist
-	@tools/try_wheel.sh dist/*.whl
+	@tools/try_wheel.sh dist/*.whl dist/*.tar.gz
 
 .PHONY: dev
 dev: $(STAMPS)/extension $(STAMPS)/test $(STAMPS)/check ## .venv with the extension and all tools

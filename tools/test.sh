@@ -11,18 +11,20 @@ shift
 mkdir -p .make
 cargo_log=.make/cargo-test.log pytest_log=.make/pytest.log
 locked=${CI:+--locked}
-rust_args=() python_args=()
+rust_targets=() rust_args=() python_args=()
 if [ "$tier" = all ]; then
     rust_args=(--include-ignored)
     python_args=(-m "")
 elif [ "$tier" = smoke ]; then
-    mapfile -t python_args < <(grep -v '^#' tools/smoke.txt)
+    mapfile -t python_args < <(grep '^[^#]*/' tools/smoke.txt)
+    rust_targets=(--lib)
+    while read -r name; do rust_targets+=(--test "$name"); done < <(grep -v '[#/]' tools/smoke.txt)
 fi
 
 # Compiled loudly, run quietly. Every crate is selected, as in the build of the extension: the features are then the same
 # and nothing compiles twice (carom-py itself has nothing to test and is not linked).
-cargo test --release --workspace $locked --no-run || exit 1
-cargo test --release --workspace $locked --quiet --no-fail-fast -- "${rust_args[@]}" 2>&1 | tee "$cargo_log"
+cargo test --release --workspace $locked "${rust_targets[@]}" --no-run || exit 1
+cargo test --release --workspace $locked "${rust_targets[@]}" --quiet --no-fail-fast -- "${rust_args[@]}" 2>&1 | tee "$cargo_log"
 cargo_status=$?
 
 # By files: what the tests of a file share is made once.

@@ -34,7 +34,13 @@ def markdown(report: Report, folder: str, facts: Mapping[str, str]) -> str:
     blocks += [*_failures(report), *_errata(report)]
     for example in report.examples:
         blocks += _section(example, report.files.get(example.id, {}), folder)
-    blocks += [*_options(report.examples), "## This page", table(("", ""), facts.items())]
+    blocks += [
+        *_options(report.examples),
+        f"## {_SOURCE}",
+        _source(),
+        "## This page",
+        table(("", ""), facts.items()),
+    ]
     return "\n\n".join(map(wrapped, blocks)) + "\n"
 
 
@@ -137,6 +143,20 @@ def _failures(report: Report) -> list[str]:
 
 def _place(failure: Failure) -> str:
     return f" ({escaped(failure.place)})" if failure.place else ""
+
+
+_SOURCE = "Authors and journal of the paper"
+
+
+def _source() -> str:
+    """What could be found out about where the paper was published, and what could not."""
+    return (
+        "The manuscript that Carom follows names neither authors nor journal. Searches for its title in public code,"
+        " documentation and web pages (November 2026) found neither a DOI nor a published version. So Carom cites the"
+        " title alone (`carom cite`, `CITATION.cff`). The text says that its computations ran in the code Oofelie. It"
+        " builds on two works of Cosimo et al. and on one of Sánchez et al. Whether these are its authors could not be"
+        " verified. If you know the publication, please open an issue."
+    )
 
 
 def _reading() -> str:
