@@ -30,6 +30,7 @@ html_theme = "furo"
 html_title = f"Carom {release}"
 html_static_path = ["_static"]
 html_css_files = ["carom.css"]
+html_search_scorer = str(Path(__file__).parent / "_static" / "search_scorer.js")
 
 myst_heading_anchors = 3
 myst_ref_domains = ["std"]  # #parameters is a heading, not an attribute of the API reference

@@ -112,8 +112,8 @@ MEANINGS: dict[str, Meaning] = {
     ),
     "frames/walls": Meaning(
         "N s, N m s",
-        "(frame, wall, 6) impulse on each wall since the last frame, and its moment about the wall's point at the frame;"
-        " world frame; planes first, then /walls",
+        "(frame, wall, 6) impulse on each wall since the last frame, and its moment about the wall's point at the frame."
+        " World frame; planes first, then /walls",
     ),
     "frames/present": Meaning(
         "1", "(frame, body) whether the ball is there; if not, its position is not a number"
