@@ -24,13 +24,13 @@ ERRATA = (
         "eq. 46",
         "eq. 46",
         "5.1",
-        "the angular velocity of B for t > t_lim has the factor 4 I/k where k/(4 I) is right: as printed it jumps at t_lim.",
+        "the angular velocity of B for t > t_lim has the factor 4 I/k where k/(4 I) is right. As printed it jumps at t_lim.",
     ),
     Erratum(
         "eq. 47",
         "eq. 47",
         "5.1",
-        "the angle of B for t > t_lim has the wrong sign in its first term and a k too many in the bracket: as printed it"
+        "the angle of B for t > t_lim has the wrong sign in its first term and a k too many in the bracket. As printed it"
         " jumps at t_lim, and its derivative is not the angular velocity.",
     ),
     Erratum(
@@ -45,8 +45,8 @@ ERRATA = (
         "section 5.2 with eq. 63",
         "5.2",
         "eq. 63 is compared with balls on a cloth, with a locked axis and with mu_b = 0.2. It holds for two balls that"
-        " nothing else touches, that turn freely and slip to the end of the hit: the cloth pushes back on the object ball,"
-        " the lock turns the slip, and above mu_b = 2/(7 (1 + e) cos phi) the slip ends within the hit.",
+        " nothing else touches, that turn freely and slip to the end of the hit. The cloth pushes back on the object ball,"
+        " the lock turns the slip. Above mu_b = 2/(7 (1 + e) cos phi) the slip ends within the hit.",
     ),
     Erratum(
         "eq. 64",
@@ -65,7 +65,7 @@ ERRATA = (
         "eq. 50",
         "section 5.3 with eq. 50",
         "5.3",
-        "eq. 50 leaves out the table, on which a rolling cue ball presses the object ball: its reaction turns friction"
+        "eq. 50 leaves out the table, on which a rolling cue ball presses the object ball. Its reaction turns friction"
         " towards the vertical and makes the throw smaller.",
     ),
     Erratum(

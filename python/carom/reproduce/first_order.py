@@ -54,7 +54,7 @@ def rows(
     predicted = f"first order: {SPARE:g} c h, c = {c} from the runs with h = {h[0]:g} and {h[1]:.4g} s"
     finest, before = limits(h, values)
     extrapolated = (
-        f"from the two finest steps, {h[-1]:.2g} s and twice that, less c h; admitted: the difference to what the two before"
+        f"from the two finest steps, {h[-1]:.2g} s and twice that, less c h. Admitted: the difference to what the two before"
         f" them give{scatter[1]}"
     )
     within = SPARE * abs(slope) * h[0] + SMALLEST

@@ -244,8 +244,8 @@ def _order_figure(steps: tuple[float, ...], displacement: list[float], velocity:
 
 TEXT = """
 The algorithm of Appendix A is `step.rs` of the core, one page with the same order of lines. The rows check its lines
-in numbers: the smooth part (lines 2 to 20 and 41) on a linear oscillator, whose recursion is a matrix of three rows,
-and on a thrown ball; the corrections (lines 21 to 40) on the first step of section 5.4, where a ball slides and
+in numbers. The smooth part (lines 2 to 20 and 41) runs on a linear oscillator, whose recursion is a matrix of three rows. It
+also runs on a thrown ball. The corrections (lines 21 to 40) run on the first step of section 5.4, where a ball slides and
 another rests.
 
 **Errata in the equations behind it.** All are slips of print: followed to the letter they contradict the text around them.

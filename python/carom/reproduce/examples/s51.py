@@ -153,9 +153,9 @@ def _force_rows(pair: SpherePair, force: F64) -> list[Row]:
 def _angle_rows(pair: SpherePair, run: Trace) -> list[Row]:
     """Angular velocities and angles at 1 s, printed formula, corrected one, Carom."""
     end = float(run.time[-1])
-    eq_46 = "eq. 46 for t > t_lim has the factor 4 I/k where k/(4 I) is right: as printed it jumps at t_lim"
+    eq_46 = "eq. 46 for t > t_lim has the factor 4 I/k where k/(4 I) is right. As printed it jumps at t_lim"
     eq_47 = (
-        "eq. 47 for t > t_lim has the wrong sign in its first term and a k too many in the bracket: as printed it jumps at"
+        "eq. 47 for t > t_lim has the wrong sign in its first term and a k too many in the bracket. As printed it jumps at"
         " t_lim, and its derivative is not the angular velocity"
     )
     # The acceleration is a line with a kink; the trapezoidal rule that the scheme amounts to has an error of at most
@@ -300,10 +300,10 @@ def _figure_4(on_grid: list[Point], between: list[Point], number: str) -> Figure
 
 TEXTS = (
     "Sphere A is held by a vertical guide, sphere B by a bearing at its centre; the torque -20 t N m acts on B. The closed"
-    " forms follow from the balance of angular momentum: while the contact sticks both spheres turn equally fast, so that"
+    " forms follow from the balance of angular momentum. While the contact sticks both spheres turn equally fast, so that"
     " each gets half of the torque; then friction is mu m g.",
     "Two of the four printed formulas are wrong for t > t_lim (the angular velocity and the angle of B). The corrected ones"
     " are continuous at t_lim, and the one is the derivative of the other.",
     "**Order.** The paper observes a linear rate in fig. 4. Here the acceleration is continuous, with a kink at t_lim, and"
-    " no velocity jumps: the error is of second order in angle and angular velocity, wherever in a step t_lim falls.",
+    " no velocity jumps. The error is of second order in angle and angular velocity, wherever in a step t_lim falls.",
 )

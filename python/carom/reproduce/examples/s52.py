@@ -29,7 +29,7 @@ DEFLECTION = 0.05
 PARTS = {"paths": runs.paths, "loose": runs.loose, "points": runs.points, "as printed": runs.as_printed}
 
 NO_CLOTH = (
-    "eq. 63 takes the two balls alone; during the hit friction presses the object ball on the cloth, which pushes back and"
+    "eq. 63 takes the two balls alone. During the hit friction presses the object ball on the cloth, which pushes back and"
     " turns the slip"
 )
 LOCKED = f"{NO_CLOTH}; the locked axis turns it too"
@@ -218,21 +218,22 @@ def _rise_rows(rises: Sequence[runs.Rise], cloth: runs.Cloth, h: float) -> list[
 RESIDUALS = "f = 0.5, e_N = 0.94, mu_b = 0.06, spin locked. The paper shows quadratic convergence."
 
 TEXTS = (
-    "The hit falls in the middle of a step. In that half of a step the line of centres turns, by v sin(phi) h/(4 r): this is"
+    "The hit falls in the middle of a step. In that half of a step the line of centres turns, by v sin(phi) h/(4 r). This is"
     " the first-order error of all quantities after the hit.",
     "Eq. 63 is the impact law for two balls that nothing else touches, slip from beginning to end and turn freely. Without"
     " friction between the balls it is exact. With friction, the object ball is pressed on the cloth during the hit, and the"
-    " cloth pushes back; where the spin about the vertical is locked, the balls are stiffer sideways than upwards and the"
-    " slip turns; at mu_b = 0.2 it ends within the hit. The rows are held against the impact law solved with cloth and"
-    " locked axes, apart from the simulation, and against the exact motion of a ball that flies, bounces, slides and rolls.",
+    " cloth pushes back. Where the spin about the vertical is locked, the balls are stiffer sideways than upwards and the"
+    " slip turns. At mu_b = 0.2 it ends within the hit. The rows are held against the impact law solved with cloth and"
+    " locked axes, apart from the simulation. They also stand beside the exact motion of a ball that flies,"
+    " bounces, slides and rolls.",
     "With e_N = 1 on the cloth the cue ball, once thrown up by friction, bounces for ever. Friction acts in the bounces"
     " only, on average as strongly as under a sliding ball, so that the path follows eq. 67 in short straight pieces and the"
     " final velocity is that of eq. 66.",
     '**Iterations.** Run as printed (`impact = "sequence-paper"`, `gap_tolerance = 1e-6`, `proximal_shift = 1e-8`,'
     " tolerance 1e-5) both means are the paper's 1. What makes the other rows differ was found by changing one option at a"
     " time. Carom shifts the diagonal of the multipliers in Newton's matrix by 1e-4 of itself, so that dependent contacts"
-    " can be solved; the first iteration then leaves a residual of 1.8e-5, just above 1e-5, and every step takes a second"
+    " can be solved. The first iteration then leaves a residual of 1.8e-5, just above 1e-5, and every step takes a second"
     " one at position level. One more at the hit comes from the gap tolerance, 1e-10 r beyond eq. 44. The velocity level"
-    " of the default law starts from the impulses of the step before: it needs no iteration while balls roll, and its mean"
+    " of the default law starts from the impulses of the step before. It needs no iteration while balls roll, and its mean"
     " is near 0. Counts are over all steps, and in each of them a ball touches the cloth.",
 )

@@ -196,7 +196,7 @@ def _figure_12(run: Trace) -> list[Figure]:
     return [
         Figure(
             "12", title, "time in s", "energy in J", two_balls.energies(run, kept),
-            "Only the hit changes the energy: friction between the balls takes some away, and the cue ball, thrown up,"
+            "Only the hit changes the energy. Friction between the balls takes some away, and the cue ball, thrown up,"
             " carries some over into height until it lands. The paper: practically conserved, some dissipation at the hit.",
         ),
         Figure("12-height", height, "time in s", "energy in mJ", lifted, rises),
@@ -224,11 +224,11 @@ def _texts(shots: list[runs.Throw]) -> tuple[str, ...]:
         " friction between the balls is eq. 51 as a law of the slip speed at the start of the step; the hit falls in the"
         " middle of a step.",
         "Eq. 50 holds for two balls that nothing else touches. Where the cue ball does not roll, the slip is horizontal, the"
-        " table does nothing, and eq. 50 applies. Where it rolls by half, friction presses the object ball on the table; the"
-        " table's reaction makes the vertical part of the slip stiffer (6/m in place of 7/m), friction turns towards the"
+        " table does nothing, and eq. 50 applies. Where it rolls by half, friction presses the object ball on the table. The"
+        " table's reaction makes the vertical part of the slip stiffer (6/m in place of 7/m). Friction turns towards the"
         f" vertical, and the throw is smaller, by {far:.3f} deg at most (phi = {gap.phi} deg, R w_z/v = {gap.ratio:g})."
         " These rows are held against the impact law with the table, solved for the two balls apart from the simulation.",
         "**Iterations.** As in 5.2: run as printed both means are the paper's 1. The mean of 2 at position level is the"
-        " shift of the multipliers (`proximal_shift`), the third iteration at the hit the gap tolerance of 1e-10 r, and the"
-        " mean near 0 at velocity level the default law's.",
+        " shift of the multipliers (`proximal_shift`). The third iteration at the hit is the gap tolerance of 1e-10 r, and"
+        " the mean near 0 at velocity level the default law's.",
     )

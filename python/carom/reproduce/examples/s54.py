@@ -146,30 +146,30 @@ def _orders(orders: dict[str, Order]) -> list[Row]:
 
 TEXT = """
 Figure 15 gives 0.5534 m without saying from where to where. It is the free gap of balls 1 and 2: only then is the
-frictionless contact at 0.277 s. The inertia of 5.7e-5 kg m^2 is 0.385 m r^2; with 0.4 m r^2 ball 1 would roll from
+frictionless contact at 0.277 s. The inertia of 5.7e-5 kg m^2 is 0.385 m r^2. With 0.4 m r^2 ball 1 would roll from
 0.2916 s on, not from the 0.284 s of the paper.
 
 **The impact in closed form.** Ball 1 rolls, so its front moves down: friction lifts it and presses ball 2 on the bed.
-The bed brakes ball 2, so a little less than the whole speed goes on, and ball 1 comes out with v_x = -s v/(2 - s),
+The bed brakes ball 2, so a little less than the whole speed goes on. Ball 1 comes out with v_x = -s v/(2 - s),
 s = mu mu_b. Ball 2, spun backwards, lifts ball 3. All of this follows from three impact problems one after the other:
 {1-2, bed}, {2-3}, {2-bed}. The rows give it at the paper's h and for h -> 0.
 
-**Re-impacts.** Ball 2 slides back into ball 1, which is in the air; then ball 1 lands, slides forward and strikes
-ball 2 with decreasing strength: hits at $times s. The intervals shrink below any step and merge into one contact, ball
+**Re-impacts.** Ball 2 slides back into ball 1, which is in the air. Then ball 1 lands, slides forward and strikes
+ball 2 with decreasing strength. Hits at $times s. The intervals shrink below any step and merge into one contact, ball
 1 sliding, until both roll.
 
 **Order.** Just after the impact the state has a closed form, and the order is read from it. Times of later hits move
-by O(h), and a velocity near a hit may be that before or after it: over the whole run only displacements and the last
+by O(h), and a velocity near a hit may be that before or after it. Over the whole run only displacements and the last
 state have a clean order; the sum over all velocities is drawn too. All steps of the study put the impact in the middle
 of its step; round steps stand beside them.
 
 **The law as printed** (`impact = "sequence-paper"`) gives the same impact to O(h). At the end its balls 1 and 2 still
-strike each other in every step, at $v1 and $v2 m/s, where the default law lets them roll on with one velocity.
+strike each other in every step, at $v1 and $v2 m/s. The default law lets them roll on with one velocity.
 
-**Iterations.** As in 5.2: run as printed the means are the paper's 1, and the largest numbers its 4 and 2 (without friction
+**Iterations.** As in 5.2: run as printed the means are the paper's 1. The largest numbers are its 4 and 2 (without friction
 1 at position level, where the paper has 3). Of the differences in the other rows, the fifth iteration at the impact is the
-gap tolerance of 1e-10 r; the mean of 2 at position level and the third iteration at velocity level are the shift of the
-multipliers (`proximal_shift`); the mean below 1 at velocity level is the default law's, which starts from the impulses of
+gap tolerance of 1e-10 r. The mean of 2 at position level and the third iteration at velocity level are the shift of the
+multipliers (`proximal_shift`). The mean below 1 at velocity level is the default law's, which starts from the impulses of
 the step before. `auto` solves a contact that is alone in closed form and counts one iteration.
 """
 

@@ -123,7 +123,7 @@ def figure(found: list[Point], coarse: list[Point], errors: dict[str, list[float
             Curve(f"v, {AFTER} s, round steps", np.array(round_h), np.array(round_e), "points"),
         ),
         (
-            f"At {AFTER} s, between the impact and the next hit, against the closed form; over the whole run, at common "
+            f"At {AFTER} s, between the impact and the next hit, against the closed form. Over the whole run, at common "
             "instants, against a fine run, as in the paper (which takes h = 1e-5 s and reports a linear rate). All steps of "
             "the lines have the impact in their middle. Points: round steps; their impact comes late by anything "
             "between 0 and h, and their errors scatter by as much."

@@ -258,22 +258,22 @@ alpha is 30 degrees: all three balls touch each other, and eq. 53 gives the velo
 no plane in the scenario: it is frictionless in the paper and nothing of it is felt.
 
 **Where the error comes from.** The balls touch at t = 0 and the impact is solved at t = h. By then ball 2 is predicted
-h v too deep; the position level pushes the balls apart, and the normals have turned by h v sin(alpha)/(2 r (1 +
+h v too deep. The position level pushes the balls apart, and the normals have turned by h v sin(alpha)/(2 r (1 +
 2 cos^2 alpha)) = 0.1 h. An exact impact at these normals is off by what the tolerances of the first rows say.
 
 **Erratum: energy.** Of 5.2 and 5.3 the paper says that no spurious energy is generated. But as printed, eqs. 16, 24 and
-43 take the normal of t_n for the velocity before and that of t_{n+1} for the one after the impact: with e = 1 the work of
-the impulses no longer vanishes, and here energy grows by 0.0693 h of its amount, 7e-4 at the paper's step. Carom's
+43 take the normal of t_n for the velocity before and that of t_{n+1} for the one after the impact. With e = 1 the work of
+the impulses no longer vanishes. Here energy grows by 0.0693 h of its amount, 7e-4 at the paper's step. Carom's
 default takes the normal of t_{n+1} on both sides: no gain at any h. The printed law stays selectable as
 `impact = "sequence-paper"`; both converge with order 1.
 
-**Friction (not in the paper).** With mu = 0.06 between the balls, as in 5.4, they stick, and Newton's law with e = 1
-and e_T = 0 gains 1/37 of the energy at any h: slip reverses during the impact, and the law sees only the ends. The energy
+**Friction (not in the paper).** With mu = 0.06 between the balls, as in 5.4, they stick. Newton's law with e = 1
+and e_T = 0 gains 1/37 of the energy at any h. Slip reverses during the impact, and the law sees only the ends. The energy
 safeguard of the default law scales the restitution down to the largest value without gain.
 
-**Iterations.** The balls touch in the first step only. There position level takes the paper's 3 iterations; in the other 59
+**Iterations.** The balls touch in the first step only. There position level takes the paper's 3 iterations. In the other 59
 there is no contact and nothing to iterate, so that the mean over all steps is 3/60 = 0.05. The paper's mean of 1 cannot be a
-mean over 60 steps of one contact either: it counts one for a step without contact, or rounds up. The second iteration at
+mean over 60 steps of one contact either. It counts one for a step without contact, or rounds up. The second iteration at
 velocity level takes away what the shift of the multipliers (`proximal_shift = 1e-4`) leaves of the residual after the first,
-1.8e-5; run as printed, where it is 1e-8, the velocity level needs the paper's 1.
+1.8e-5. Run as printed, where it is 1e-8, the velocity level needs the paper's 1.
 """

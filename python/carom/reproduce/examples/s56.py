@@ -89,19 +89,19 @@ def reproduce(context: Context) -> Example:
 
 
 TEXT = """
-The paper gives neither the positions of the balls nor g. Cue ball on the head spot and apex ball on the foot spot, 1.27 m
-apart, with m = 0.17 kg at g = 9.8 m/s^2 give its 0.114 s; "ball 3 moves forward with low velocity" fixes the orientation
-of the rack. Which of balls 4 and 5 lies on which side is not said.
+The paper gives neither the positions of the balls nor g. Cue ball on the head spot and apex ball on the foot spot are
+1.27 m apart. With m = 0.17 kg and g = 9.8 m/s^2 this gives its 0.114 s. The words "ball 3 moves forward with low
+velocity" fix the orientation of the rack. Which of balls 4 and 5 lies on which side is not said.
 
 **The break.** Three impact problems in one step: {2-3 and the bed}, {3-4, 3-5}, {2-3 again and the bed}. The rows hold
 the velocities against the same sequence solved at the exact instant by a program of its own. At 10.5 m/s the cue ball
-travels 0.37 r in a step of 1 ms: predicted too deep, it is pushed back along turned normals, and all components are off
-by O(h). With rolling resistance the moments of the bed take part in the impact; for that case only the motion before the
+travels 0.37 r in a step of 1 ms. Predicted too deep, it is pushed back along turned normals, and all components are off
+by O(h). With rolling resistance the moments of the bed take part in the impact. For that case only the motion before the
 impact and the way to rest have closed forms.
 
-**Later states** depend on O(h) like chaos: every ball and cushion met multiplies the differences, and curves after the
-second hit cannot be compared point by point, neither with the paper nor with another step. Orders are therefore read at
-the impact.
+**Later states** depend on O(h) like chaos. Every ball and cushion met multiplies the differences. Curves after the second
+hit cannot be compared point by point, neither with the paper nor with another step. Orders are therefore read at the
+impact.
 
 **Computing time.**
 
@@ -110,16 +110,16 @@ $times
 **Penalty method.** The paper's curves differ a little from those of the penalty method, and it does not say why. It is a
 property of the law: the sequence handles one contact after the other, springs act at once. $penalty
 
-**Rest.** With rho = 0.005 m, about ten times that of real cloth, every ball comes to rest. The bed has no spinning friction,
-so balls 4 and 5 spin on about the vertical. The rows hold the last 20 ms of each ball against the closed form of a rolling
-ball, no more: when it rests depends on the break and on all hits before, and so on the step. Balls 2 to 5 rest at $coarse
-s with h = 1e-3 s, at $fine s with h = 1e-4 s.
+**Rest.** With rho = 0.005 m, about ten times that of real cloth, every ball comes to rest. The bed has no spinning
+friction, so balls 4 and 5 spin on about the vertical. The rows hold the last 20 ms of each ball against the closed form
+of a rolling ball, no more. When it rests depends on the break and on all hits before, and so on the step. Balls 2 to 5
+rest at $coarse s with h = 1e-3 s, at $fine s with h = 1e-4 s.
 
-**Iterations.** The mean of 2 at position level with `newton` is the paper's number, but not for a reason that can be named:
-run as printed it is 1.005. The sixth iteration at the break is the gap tolerance of 1e-10 r, the second one in all other
-steps the shift of the multipliers (`proximal_shift`, see 5.2); the mean of 0.03 at velocity level is the default law's,
-which starts from the impulses of the step before. The paper's 9 and 26 line searches in the third and fourth iteration of
-the step of the break do not occur under any of these options. Carom scales the multipliers row by row instead of by one
+**Iterations.** The mean of 2 at position level with `newton` is the paper's number, but not for a reason that can be
+named. Run as printed it is 1.005. The sixth iteration at the break is the gap tolerance of 1e-10 r. The second one in all
+other steps is the shift of the multipliers (`proximal_shift`, see 5.2). The mean of 0.03 at velocity level is the default
+law's, which starts from the impulses of the step before. The paper's 9 and 26 line searches in the third and fourth
+iteration of the break do not occur under any of these options. Carom scales the multipliers row by row instead of by one
 characteristic mass. The paper does not show whether that is the whole difference.
 """
 
@@ -154,7 +154,7 @@ def _told(run: Trace, step: int, other: Trace, ratio: float) -> str:
     printed = demo.PENALTY_COMPUTING_S / demo.PAPER_COMPUTING_S
     return (
         f"In v_x of balls 2 and 3 at {run.time[later]:.3f} s, {told[0]} and {told[1]}. Carom's own penalty method takes"
-        " Hertz contacts with the damping that gives a single hit the restitution of the scenario; the paper does not"
+        " Hertz contacts with the damping that gives a single hit the restitution of the scenario. The paper does not"
         f" give its parameters. Its balls overlap by up to {deepest:.1f} % of a radius. It needs {ratio:.0f} times the"
         f" computing time, not the paper's {printed:.0f}: its substeps are shortest only while balls hit each other."
     )
