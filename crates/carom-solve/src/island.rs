@@ -133,7 +133,7 @@ impl Newton {
         lambda: &mut [f64],
         u: &mut [f64],
     ) -> SolveReport {
-        let (loads, swept) = (system.has_load(), options.sweeps > 0);
+        let swept = options.sweeps > 0;
         let mut on = Island {
             system,
             problem,
@@ -152,8 +152,8 @@ impl Newton {
             let fits = knows
                 && match rung.when {
                     IslandWhen::Always => true,
-                    IslandWhen::Swept => swept && !loads,
-                    IslandWhen::Last => options.companion.is_some() && !loads,
+                    IslandWhen::Swept => swept,
+                    IslandWhen::Last => options.companion.is_some(),
                 };
             if !fits {
                 continue;

@@ -50,9 +50,9 @@ pub enum IslandWay {
 #[derive(Clone, Copy, Debug)]
 pub enum IslandWhen {
     Always,
-    /// Other means than Newton's method are allowed, no loads that depend on the motion.
+    /// Other means than Newton's method are allowed.
     Swept,
-    /// The options take what is near a solution, no loads that depend on the motion.
+    /// The options take what is near a solution.
     Last,
 }
 

@@ -283,15 +283,30 @@ impl RowSystem {
         contact.along(&self.jac[row], u)
     }
 
-    /// `z - G u` for all rows: measures without the correction.
+    /// `z - G (u - M^-1 b)` for all rows: measures without multipliers, with the loads of the last evaluation.
     pub fn free(&self, z: &[f64], u: &[f64]) -> Vec<f64> {
-        let mut free = z.to_vec();
+        self.shifted(z, u, -1.0)
+    }
+
+    /// `z + G (u - M^-1 b)` for all rows: measures by multipliers, from those without.
+    pub fn with_multipliers(&self, free: &[f64], u: &[f64]) -> Vec<f64> {
+        self.shifted(free, u, 1.0)
+    }
+
+    fn shifted(&self, z: &[f64], u: &[f64], sign: f64) -> Vec<f64> {
+        let mut own = u.to_vec();
+        if self.has_load() {
+            let mut by_load = vec![0.0; u.len()];
+            self.apply_inverse_mass(&self.load, &mut by_load);
+            own.iter_mut().zip(&by_load).for_each(|(u, b)| *u -= b);
+        }
+        let mut shifted = z.to_vec();
         for c in &self.contacts {
             for row in c.rows() {
-                free[row] -= self.row_velocity(c, row, u);
+                shifted[row] += sign * self.row_velocity(c, row, &own);
             }
         }
-        free
+        shifted
     }
 
     /// `z = z0 + G u` for all rows.
@@ -345,10 +360,10 @@ impl RowSystem {
         }
     }
 
-    /// `u = M^-1 G^T lambda`.
+    /// `u = M^-1 (G^T lambda + b)`, with the loads of the last evaluation.
     pub fn correction(&self, lambda: &[f64], u: &mut [f64]) {
         let mut force = vec![0.0; u.len()];
-        self.impulses(lambda, &mut force);
+        self.momentum(lambda, &mut force);
         self.apply_inverse_mass(&force, u);
     }
 

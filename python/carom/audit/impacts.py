@@ -225,6 +225,8 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
         why = "loads, joints or another law than Newton's stand between the recorded speeds"
         block.skip(tally, "impact", why, r.k, missing)
         return
+    block.skip_companions(tally, "impact", r.k)
+    r = r.of(~block.companion[r.k])
     index = run.law_index(r.a, r.b)
     e = np.where(r.problem == 0, 0.0, run.restitution(index, -r.approach))
     slow = -r.approach < run.options["restitution_threshold"]

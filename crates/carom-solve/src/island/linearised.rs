@@ -1,5 +1,5 @@
 //! Islands as a sequence of linear cone problems, each solved by `hybrid`. At the velocity level one is enough; at the position level what
-//! is left of the gaps and the turning of the normals shrinks with every one.
+//! is left of the gaps and the turning of the normals shrinks with every one. Loads that depend on the motion are those of the round before.
 
 use super::{Island, Newton};
 use crate::report::SolveReport;
