@@ -92,7 +92,7 @@ impl Velocities {
             Law::Plastic | Law::Springs => return z,
             Law::Compression => return self.before(m),
             Law::Expansion => return z + m.expansion.0,
-            _ => {}
+            Law::First | Law::Later | Law::Printed => {}
         }
         let mut minus = self.before(m);
         if law == Law::Later {

@@ -251,7 +251,9 @@ impl ImpactScratch {
                     continue;
                 }
                 Law::Printed => self.printed_approach(slot, contact.n0),
-                _ => self.relative::<0>(&c, c.row as usize, &self.v_minus),
+                Law::First | Law::Later | Law::Springs => {
+                    self.relative::<0>(&c, c.row as usize, &self.v_minus)
+                }
             };
             let [normal, across] =
                 law.terms(material, approach, &model.options, self.closing[slot]);

@@ -6,8 +6,8 @@ use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Body, Goal, Norms};
 use glam::DVec3;
 
-/// Most sweeps of a cluster. Clusters of many contacts converge slowly: after this the sequence ends without restitution, and is counted. Too few:
-/// impacts turn plastic; too many: a cluster without solution holds up its step.
+/// Most sweeps of a cluster. Clusters of many contacts converge slowly: after this the sequence ends in one collective impact, and is counted. Too
+/// few: sequences are cut; too many: a cluster without solution holds up its step.
 const MOST_SWEEPS: usize = 3_000;
 
 /// A contact of the cluster.

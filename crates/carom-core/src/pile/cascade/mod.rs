@@ -32,10 +32,10 @@ const PER_THREAD: usize = 256;
 const BATCHES_PER_THREAD: usize = 4;
 
 /// A cascade does not die out where as many contacts as this, in the mean of [`MEAN_OF_PROBLEMS`], close that closed before. (Contacts that close for
-/// the first time are a blow on its way through the pile: it ends at the other side.) Too few: impacts that would have died out turn plastic.
+/// the first time are a blow on its way through the pile: it ends at the other side.) Too few: impacts that would have died out end in one collective impact.
 /// Too many: in piles that are hit everywhere a third of the step goes into sequences that are cut all the same.
 const LASTING_CONTACTS: usize = 500;
-/// And no fewer than this share (1) of those when it was half as long. Smaller: cascades that die out slowly turn plastic; larger: none is asked.
+/// And no fewer than this share (1) of those when it was half as long. Smaller: cascades that die out slowly are cut; larger: none is asked.
 const LASTING_SHARE: f64 = 0.95;
 /// Problems over which both are averaged: between layers of a lattice every other problem is the larger one, and one alone would mislead.
 const MEAN_OF_PROBLEMS: usize = 4;
