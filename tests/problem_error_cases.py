@@ -204,5 +204,9 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
     ),
     "...; it must be a number above 0": ("tol: -1", solved(tol=-1)),
     "...; it must be a whole number above 0": ("max_iterations: 0.5", solved(max_iterations=0.5)),
+    "this run has no stored problems; carom run ... --save-problems STEPS stores them": (
+        "",
+        lambda folder, patch: ((folder / "run.json").write_text("{}"), _read(folder)),
+    ),
     "no ... in this directory; name a file": ("", lambda folder, patch: _read(folder)),
 }

@@ -118,3 +118,22 @@ def test_siconos_is_told_the_same_problem_in_both_storages(
         assert call.r is not None, f"{solver.name}: {call.told}"
         assert pile.err(call.r) < 1e-7, solver.name
     found[0].child.close()
+
+
+def test_ratios_to_newton_are_told_apart_by_the_number_of_contacts() -> None:
+    """A call of Siconos has a cost that small problems see alone."""
+    made = report.Report("", 1e-8, 1.0, [])
+    for name, contacts, carom_s, siconos_s in (
+        ("a", 10, 1.0, 100.0),
+        ("b", 60, 1.0, 2.0),
+        ("c", 80, 1.0, 8.0),
+    ):
+        for program, solver, took in (("Carom", "auto", carom_s), ("Siconos", "NSN_AC", siconos_s)):
+            made.entries.append(
+                report.Entry(
+                    name, "heap", "local", contacts, 3, program, solver, "", True, took, 1, 1e-9, 1e-8, "", ""
+                )
+            )
+    told = "\n".join(made.compare())
+    assert "50 contacts and more: 0.25 in the geometric mean of 2 problems" in told
+    assert "fewer contacts, where the cost of a call counts: 0.01 in the geometric mean of 1 problem" in told

@@ -380,7 +380,21 @@ def test_info(runs: Path) -> None:
     assert facts_["bodies"] == 3
     assert facts_["segments"] == ["results.h5"]
     assert facts_["being_written"] is False
+    assert "stored_problems" not in facts_
     assert "inertia (kg m^2)" in text
+
+
+def test_stored_problems_are_counted_and_weighed(runs: Path) -> None:
+    said = cli("run", "three_balls.toml", "-o", "stored", "--save-problems", "all", cwd=runs).stderr
+    kept = sorted((runs / "stored" / "problems").iterdir())
+    megabytes = sum(path.stat().st_size for path in kept) / 1e6
+    assert kept
+    assert f"{len(kept)} contact problem" in said
+    assert f"{megabytes:.3g} MB" in said
+    assert "chose none" not in said
+    assert json.loads(cli("info", "stored", "--json", cwd=runs).stdout)["stored_problems"] == len(kept)
+    late = cli("run", "three_balls.toml", "-o", "late", "--save-problems", "9999999", cwd=runs).stderr
+    assert "--save-problems 9999999 chose none of the" in late
 
 
 def test_check(runs: Path) -> None:

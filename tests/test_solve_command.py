@@ -207,6 +207,9 @@ def test_directories_of_runs_are_known(folder: Path, tmp_path: Path) -> None:
     assert [Path(r["file"]).name for r in document["results"]] == ["failing_problem.h5", "step_7.hdf5"]
     (tmp_path / "empty").mkdir()
     assert "no *.hdf5 or *.h5 in this directory" in cli("solve", tmp_path / "empty", code=2).stderr
+    (tmp_path / "empty" / "run.json").write_text("{}")
+    said = cli("solve", tmp_path / "empty", code=2).stderr
+    assert "this run has no stored problems; carom run ... --save-problems STEPS stores them" in said
 
 
 @pytest.mark.usefixtures("double")

@@ -20,6 +20,7 @@ def info(run: Run, as_json: Json = False) -> None:
 
     Example: carom info runs/break-1
     """
+    from carom.problem.run_files import kept_files
     from carom.result.directory import size_on_disk
     from carom.run.result import load
     from carom.scene.billiards.marked import table_of
@@ -45,6 +46,7 @@ def info(run: Run, as_json: Json = False) -> None:
         "impacts": len(result.impacts),
         "contacts": len(result.contacts),
         **({"transitions": count} if (count := len(result.transitions)) else {}),
+        **({"stored_problems": len(problems)} if (problems := kept_files(result.path)) else {}),
         "segments": result.segment_names,
         "bytes": size_on_disk(result.path),
         "versions": dict(result.versions),

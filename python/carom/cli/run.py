@@ -78,7 +78,13 @@ def run(
     if problems is not None and not quiet:
         from carom.problem.run_files import FOLDER, kept_files
 
-        note(f"{counted(len(kept_files(result.path)), 'contact problem')} in {result.path / FOLDER}")
+        kept = kept_files(result.path)
+        megabytes = sum(file.path.stat().st_size for file in kept) / 1e6
+        note(f"{counted(len(kept), 'contact problem')} in {result.path / FOLDER}, {megabytes:.3g} MB")
+        if not kept:
+            note(
+                f"warning: --save-problems {problems.text} chose none of the {len(result.steps)} steps, or none had contacts"
+            )
     return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
 
 

@@ -177,6 +177,10 @@ def _read(path: Path) -> tuple[ContactProblem, list[str]]:
     from carom.problem import ContactProblem
     from carom.problem.errors import ContactProblemWarning, refuse
 
+    if (path / "run.json").is_file():
+        raise refuse(
+            str(path), "this run has no stored problems", "carom run ... --save-problems STEPS stores them"
+        )
     if path.is_dir():
         raise refuse(
             str(path), f"no {' or '.join('*' + s for s in SUFFIXES)} in this directory", "name a file"

@@ -56,6 +56,11 @@ def show(report: Report, again: Sequence[Rerun]) -> None:
     for warning in report.warnings:
         note(f"warning: {warning}")
     sheet(report).show()
+    worst = report.findings
+    words = f"{counted(len(worst), 'law')} violated, worst {worst[0]}" if worst else "no law is violated"
+    words = f"{report.path}: {words}"
+    if any(v.unjudged and v.word != "nothing to judge" for v in report.verdicts.values()):
+        print(words)  # above the list that follows, which can be long, and once more as the last line
     for verdict in report.verdicts.values():
         for unjudged in verdict.unjudged:
             if verdict.word != "nothing to judge":
@@ -70,9 +75,7 @@ def show(report: Report, again: Sequence[Rerun]) -> None:
             print(
                 f"run again on {counted(r.threads, 'thread')}: {len(r.differences)} of {of} differ; first {r.first}"
             )
-    worst = report.findings
-    words = f"{counted(len(worst), 'law')} violated, worst {worst[0]}" if worst else "no law is violated"
-    print(f"{report.path}: {words}")
+    print(words)
 
 
 def sheet(report: Report) -> Sheet:

@@ -98,11 +98,14 @@ def number(value: float | str | None, tolerance: float | None = None) -> str:
 
 
 def _introduction(report: Report) -> list[str]:
-    count = report.verdicts
+    count, rest = report.verdicts, ""
     told = [f"{count['ok']} agree"]
     if count["paper in error"]:
-        errors = sum(1 for _, rows in _shown(report) if rows)
+        shown = _shown(report)
+        errors = sum(1 for _, rows in shown if rows)
         why = f"{errors} errors of the paper" if errors > 1 else "one error of the paper"
+        if len(shown) > errors:
+            rest = f" Of the {len(shown)} errors listed below {len(shown) - errors} change no number here."
         told.append(
             f"{count['paper in error']} agree with the corrected theory and differ from the paper's because of {why}"
         )
@@ -115,7 +118,7 @@ def _introduction(report: Report) -> list[str]:
     return [
         "This page lists every number that the paper prints beside theory and Carom's result. The paper is *Simulation of"
         " impacts between spherical rigid bodies with frictional effects*. Carom ran all of its examples anew.",
-        f"{len(report.rows)} numbers: {', '.join(told)}.{quick}",
+        f"{len(report.rows)} numbers: {', '.join(told)}.{rest}{quick}",
     ]
 
 
