@@ -102,6 +102,18 @@ def test_parameters_may_stand_in_a_packing() -> None:
     assert tree.packing[0].count == 50
 
 
+def test_diameters_of_classes_take_units() -> None:
+    table = {"diameter": None, "sizes": "table"}
+    plain, with_units = (
+        scene(**table, classes=classes).to_model()["radius"]
+        for classes in ([[0.004, 0.5], [0.008, 0.5]], [["4 mm", 0.5], ["0.8 cm", 0.5]])
+    )
+    assert np.array_equal(plain, with_units)
+    assert "classes = [[0.004, 0.5]]" in scene(**table, classes=[["4 mm", 0.5]]).to_toml()
+    with pytest.raises(ScenarioError, match='classes: number 1: number 1: expected a length, found "4 kg"'):
+        scene(**table, classes=[["4 kg", 0.5]])
+
+
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [

@@ -217,7 +217,7 @@ class Builder:
         deviation: Number | None = None,
         smallest: Number | None = None,
         largest: Number | None = None,
-        classes: Sequence[Sequence[float]] | None = None,
+        classes: Sequence[Sequence[float | str]] | None = None,
         shares: str | None = None,
         region: str | None = None,
         low: Vector | None = None,

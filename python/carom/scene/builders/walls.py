@@ -145,7 +145,7 @@ class Waller(Builder):
         deviation: Number | None = None,
         smallest: Number | None = None,
         largest: Number | None = None,
-        classes: Sequence[Sequence[float]] | None = None,
+        classes: Sequence[Sequence[float | str]] | None = None,
         shares: str | None = None,
         rate: Number | None = None,
         start: Number | None = None,

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Self
 
 from pydantic import model_validator
+from pydantic_core import PydanticCustomError
 
 from carom.scene.packing import Sizes
 from carom.scene.packing import sizes as laws
 from carom.scene.tables.base import Table
-from carom.scene.tables.fields import Choice, refuse
-from carom.scene.tables.lists import Vector, Vectors
+from carom.scene.tables.fields import Choice, Quantity, inside, refuse
+from carom.scene.tables.lists import Vector, Vectors, as_list
 from carom.scene.tables.quantities import Length, key
 
 SIZES: dict[str, tuple[str, ...]] = {
@@ -22,8 +24,30 @@ SIZES: dict[str, tuple[str, ...]] = {
     "table": ("classes",),
 }
 """Keys that each law of sizes needs; it takes no others of them."""
-CLASS = Vector(size=2, form="[diameter, share]")
-"""One class of a table of sizes."""
+
+
+@dataclass(frozen=True)
+class SizeClass(Vector):
+    """One class of a table of sizes: a diameter in m or with a unit, and a share."""
+
+    size: int = 2
+    form: str = "[diameter, share]"
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        value = as_list(value)
+        if isinstance(value, list | tuple) and value and isinstance(value[0], str):
+            try:
+                value = [Quantity("length").check(value[0]), *value[1:]]
+            except PydanticCustomError as e:
+                raise inside(0, e) from None
+        return super().check(value)
+
+    def json_schema(self) -> dict[str, Any]:
+        items = [Quantity("length").json_schema(), Quantity().json_schema()]
+        return {"type": "array", "prefixItems": items, "minItems": self.size, "maxItems": self.size}
+
+
+CLASS = SizeClass()
 
 
 class Sized(Table):
@@ -52,7 +76,7 @@ class Sized(Table):
         "uniform, normal, lognormal: largest diameter", "m", default=None, examples=["15 mm"]
     )
     classes: Annotated[tuple[tuple[float, float], ...], Vectors(CLASS, 1, 1000)] | None = key(
-        "table: [diameter in m, share] of each class", default=None, examples=[[[0.005, 0.7], [0.01, 0.3]]]
+        "table: [diameter, share] of each class", default=None, examples=[[["5 mm", 0.7], ["10 mm", 0.3]]]
     )
     shares: Annotated[str, Choice(("number", "mass"))] = key(
         "table: what the shares are of, number or mass; they need not add up to 1", default="number"
