@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, bounds, forces, hits, loads_once, replay
+from carom.audit import answers, bounds, forces, groups, hits, loads_once, replay
 from carom.audit.block import Block
 from carom.audit.centres import at_walls, wall_slack
 from carom.audit.cones import struck
@@ -110,7 +110,9 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     run = block.run
     last = np.zeros(len(r), dtype=np.int64)
     np.maximum.at(last, group, r.problem)
-    sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least)
+    # Piles have neither joints nor loads that depend on the motion.
+    tied = groups.held(block)[r.k, r.a] if run.has_contacts else run.answering.any()
+    sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least) & ~tied
     final = r.of((r.problem == last[group]) | (sums & (r.problem > 0)))
     own = compliance(run, final.a, final.b)[0]
     scale = (norm(block.v1) + run.radius * norm(block.w1) + norm(run.gravity) * run.h)[final.k, final.a]

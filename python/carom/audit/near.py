@@ -118,7 +118,8 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then), and so do the smaller
     ones where contacts were not recorded.
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
-    end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. Penalty: the
+    end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. What closes more
+    slowly than `closing_tolerance` asks for adds up. Penalty: the
     elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of the run; twice the indentation under the
     whole weight comes on top.
     """
@@ -131,7 +132,9 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
         return np.asarray(_compressed(run, a, b, r) + rounding)
     t = run.loosest
     if run.method == "moreau" and not run.options["position_projection"]:
-        return np.asarray(_way(run, a, b) + rounding)
+        share, slow = float(run.load_share(np.array([np.inf]))[0]), t["closing_tolerance_speed"]
+        left = np.maximum(share * norm(run.gravity) * run.h, slow * run.top_speeds.max(initial=0.0))
+        return np.asarray(_way(run, a, b) + block.s1[k] * run.h * left + rounding)
     many = block.piled[k]
     known = block.kept[k] & run.has_contacts
     many |= block.large[k] & ~known

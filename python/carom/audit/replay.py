@@ -88,14 +88,17 @@ def _better(one: Told, other: Told, again: I64) -> Told:
     """Of the rows `again`, which were read in another way too, the reading that fits better. Whether a slow contact restores
     slip may be sure in one of them alone: then nothing is reported.
     """
-    first = one.of(~np.isin(one.rows, again))
-    _, mine, theirs = np.intersect1d(one.rows, again[other.rows], assume_unique=True, return_indices=True)
-    both = one.of(mine), other.of(theirs)
-    ratio = [told.value / np.maximum(told.bound, 1e-300) for told in both]
-    best = np.where(ratio[0] <= ratio[1], 0, 1), np.arange(len(mine))
-    value, bound = (np.stack([getattr(told, name) for told in both])[best] for name in ("value", "bound"))
-    parts = (first.rows, both[0].rows), (first.value, value), (first.bound, bound)
-    return Told(*(np.concatenate(part) for part in parts))
+    rows = one.rows, again[other.rows]
+    size = max((int(of.max(initial=-1)) for of in (*rows, again)), default=-1) + 1
+    worst = np.full((2, size), -np.inf)
+    for ratio, at, told in zip(worst, rows, (one, other), strict=True):
+        np.maximum.at(ratio, at, told.value / np.maximum(told.bound, 1e-300))
+    twice = np.isfinite(worst).all(axis=0)
+    second = twice & (worst[1] < worst[0])
+    first = twice & ~second
+    first[np.setdiff1d(np.arange(size), again)] = True
+    mine, theirs = one.of(first[rows[0]]), other.of(second[rows[1]])._replace(rows=rows[1][second[rows[1]]])
+    return Told(*(np.concatenate(part) for part in zip(mine, theirs, strict=True)))
 
 
 class Replay:
