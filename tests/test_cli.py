@@ -384,6 +384,15 @@ def test_info(runs: Path) -> None:
     assert "inertia (kg m^2)" in text
 
 
+def test_missed_impacts_are_told_with_their_steps(tmp_path: Path) -> None:
+    """The summary said "20 impacts missed" and the auditor "16 steps"."""
+    cli("examples", "copy", "pile", cwd=tmp_path)
+    said = cli("run", "pile.toml", "-o", "pile", "--set", "N=100", "--until", "0.2", cwd=tmp_path).stdout
+    missed = np.asarray(carom.load(tmp_path / "pile").steps["missed_impacts"])
+    assert missed.max() > 0
+    assert f"{missed.sum()} impacts missed in {(missed > 0).sum()} steps" in said
+
+
 def test_stored_problems_are_counted_and_weighed(runs: Path) -> None:
     said = cli("run", "three_balls.toml", "-o", "stored", "--save-problems", "all", cwd=runs).stderr
     kept = sorted((runs / "stored" / "problems").iterdir())

@@ -124,6 +124,9 @@ def _troubles(summary: Mapping[str, Any], result: Result) -> str:
     found += [
         f"{n} {one if n == 1 else many}" for k, (one, many) in TROUBLES.items() if (n := summary.get(k))
     ]
+    if summary.get("missed_impacts"):
+        steps = int((np.asarray(result.steps["missed_impacts"]) > 0).sum())
+        found[-1] += f" in {counted(steps, 'step')}"
     travel = summary.get("travel_max") or 0.0
     divides = result.scene.run.options()["method"] in ("penalty", "events")  # which see every impact
     if travel > MOST_TRAVEL and not divides:
@@ -144,9 +147,9 @@ def _energy(summary: Mapping[str, Any], result: Result) -> str:
     for told in remarks(result, "unsettled"):
         lines.append(textwrap.fill(told, 100, initial_indent=" " * 12, subsequent_indent=" " * 12))
     if scaled := summary.get("safeguarded"):
-        least = f"the least to {100 * summary['restitution_scale_min']:.3g} % of it"
+        least = f"the least to {100 * summary['restitution_scale_min']:.3g} %"
         lines.append(
-            f"restitution scaled down in {counted(scaled, 'step')} ({least}), which would have gained energy"
+            f"restitution scaled down in {counted(scaled, 'step')} ({least}), else energy would rise; usual in piles"
         )
     deepest = summary.get("penetration_max")
     if deepest is not None and summary["steps"]:
