@@ -1,6 +1,7 @@
 //! Contacts and spheres of a pile at the velocity level.
 
 use crate::contact::Contact;
+use crate::options::Options;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
 use carom_solve::Status;
@@ -55,6 +56,15 @@ pub(super) enum Frame {
 }
 
 impl Frame {
+    /// That of the loads of a step.
+    pub fn of_loads(options: &Options) -> Self {
+        if options.loads_once() {
+            Self::Middle
+        } else {
+            Self::End
+        }
+    }
+
     /// A contact as the problem has it.
     #[inline]
     pub fn state(self, contacts: &[Contact], m: &ClosedContact) -> ClosedContact {

@@ -35,7 +35,7 @@ impl Pile {
         self.scales.clear();
         self.law = law;
         self.frame = match problem {
-            0 if model.options.loads_once() => Frame::Middle,
+            0 => Frame::of_loads(&model.options),
             _ => Frame::End,
         };
         self.write(model, contacts, law);

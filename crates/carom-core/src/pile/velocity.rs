@@ -1,7 +1,7 @@
 //! Velocity sub-problem of a pile (eqs. 1f-h): the spheres that [`crate::impact::sequence`] works on.
 
 use super::chunks;
-use super::closed_contact::{work, ClosedContact, FIXED};
+use super::closed_contact::{work, ClosedContact, Frame, FIXED};
 use super::energy_gain::SphereSolution;
 use crate::contact::Contact;
 use crate::impact::energy::Admit;
@@ -235,9 +235,9 @@ impl Pile {
         }
     }
 
-    /// Forgets the impulses of the chosen contacts; the kept ones' work is restated.
-    fn drop_chosen(&mut self, contacts: &[Contact]) {
-        let (threads, frame) = (self.sweeps.threads, self.frame);
+    /// Forgets the impulses of the loads at the chosen contacts; the kept ones' work is restated.
+    fn drop_chosen(&mut self, model: &Model, contacts: &[Contact]) {
+        let (threads, frame) = (self.sweeps.threads, Frame::of_loads(&model.options));
         let memory = &mut self.velocity;
         for &slot in &memory.chosen {
             let closed_contact = &mut memory.closed[slot as usize];
@@ -395,7 +395,7 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn drop_chosen(&mut self) {
-        self.pile.drop_chosen(self.contacts);
+        self.pile.drop_chosen(self.model, self.contacts);
     }
 
     fn forget_all(&mut self, problem: u32) {
