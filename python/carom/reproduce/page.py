@@ -336,6 +336,7 @@ def _options(examples: Sequence[Example]) -> list[str]:
     return [
         "## Options",
         table(("runs", "set"), lines),
+        'The scenarios with contacts set `position_friction = "paper"`, the position level as printed.',
         f"What a run does not set has its default: {assigned(_core.defaults())}.",
     ]
 
