@@ -26,8 +26,8 @@ def test_a_step_that_is_not_solved_is_halved() -> None:
 
 
 def test_sequences_that_are_cut_early_hardly_need_halves() -> None:
-    """Bisected restitution left this heap unsolved in four halvings. Of 136 cut sequences one still ends so: 50 problems, the
-    collective impact of step 54.
+    """Bisected restitution left this heap unsolved in four halvings. Of 136 cut sequences one still needs as many, with 50
+    problems in step 54: a velocity problem between two grains that roll is not solved.
     """
     cut = halved = 0
     for problems in (30, 40, 50, 60):
