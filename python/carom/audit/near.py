@@ -119,7 +119,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     ones where contacts were not recorded.
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
     end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. What closes more
-    slowly than `closing_tolerance` asks for adds up. Penalty: the
+    slowly than the closing tolerance (rule R3) is left alone in each step, and adds up. Penalty: the
     elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of the run; twice the indentation under the
     whole weight comes on top.
     """

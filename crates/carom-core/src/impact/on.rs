@@ -13,13 +13,13 @@ pub struct On<'r, 's> {
 }
 
 impl On<'_, '_> {
-    /// What the step reports so far, with the history of residuals of velocities.
-    pub fn told(&self) -> (StepReport, History) {
+    /// What the step reports so far, with the residual history of the velocity level.
+    pub fn snapshot(&self) -> (StepReport, History) {
         (*self.report, self.scratch.history[2].clone())
     }
 
-    /// Reports that again: what was solved since is no part of the step.
-    pub fn tell(&mut self, told: (StepReport, History)) {
-        (*self.report, self.scratch.history[2]) = told;
+    /// Goes back to a snapshot: what was solved since is no part of the step.
+    pub fn restore(&mut self, snapshot: (StepReport, History)) {
+        (*self.report, self.scratch.history[2]) = snapshot;
     }
 }

@@ -135,7 +135,7 @@ impl ImpactScratch {
     /// Solves the problem at hand once more from its solution, which stays if it cannot be found more finely.
     pub(in crate::impact) fn solve_finely(&mut self, on: &mut On, problem: u32) {
         let (before, last, accept) = (self.solution(), self.last, self.accept_unconverged);
-        let told = on.told();
+        let reported = on.snapshot();
         (self.fineness, self.accept_unconverged) = (FINER, false);
         if self.solve_built(on, problem, Some(&before.lambda)) {
             self.explain();
@@ -144,7 +144,7 @@ impl ImpactScratch {
             self.last = last;
         }
         (self.fineness, self.accept_unconverged) = (1.0, accept);
-        on.tell(told);
+        on.restore(reported);
     }
 
     /// Solves the problem at hand once more, without restitution.
@@ -165,19 +165,19 @@ impl ImpactScratch {
             _ => self.rests_below(on.model, on.scratch.contacts),
         };
         let accept = self.accept_unconverged && !self.law.has_restitution();
-        let resting = resting.map(|bound| (bound, on.told()));
+        let resting = resting.map(|bound| (bound, on.snapshot()));
         let allowed = std::mem::replace(&mut self.accept_unconverged, accept && resting.is_none());
         let mut solved = self.solve_built(on, problem, warm);
         let moves = |bound: f64| !solved || self.moves(on.scratch, bound);
         if let Some((bound, before)) = resting.filter(|&(bound, _)| moves(bound)) {
             // What was tried is no part of the step.
-            let tried = on.told();
-            on.tell(before);
+            let tried = on.snapshot();
+            on.restore(before);
             if self.hold(on, bound, warm) {
                 on.report.fallbacks += u32::from(!solved);
                 solved = true;
             } else {
-                on.tell(tried);
+                on.restore(tried);
             }
         }
         self.accept_unconverged = allowed;
