@@ -65,7 +65,15 @@ UNLISTED = {"TABLES", "TIPS", "__version__", "Region", "Sizes", "MOST_BALLS"}
 
 @pytest.mark.parametrize(
     "module",
-    ["carom", "carom.audit", "carom.billiards", "carom.packing", "carom.problem", "carom.many.sweep"],
+    [
+        "carom",
+        "carom.audit",
+        "carom.billiards",
+        "carom.packing",
+        "carom.problem",
+        "carom.many.fit",
+        "carom.many.sweep",
+    ],
 )
 def test_the_reference_lists_every_public_name(module: str) -> None:
     page = (DOCS / "reference" / "api.md").read_text("utf-8")

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from carom.many.compare import compare as compare
     from carom.many.converge import Convergence as Convergence
     from carom.many.converge import converge as converge
+    from carom.many.fit import Calibration as Calibration
+    from carom.many.fit import Fit as Fit
+    from carom.many.fit import fit as fit
     from carom.many.sweep import Study as Study
     from carom.many.sweep import Sweep as Sweep
     from carom.many.sweep import sweep as sweep
@@ -48,11 +51,13 @@ if TYPE_CHECKING:
 # The one table of public names: what `from carom import X` finds, and where it lives.
 _HOMES = {
     "Batch": "many.batch_result",
+    "Calibration": "many.fit",
     "CaromError": "errors",
     "CaromWarning": "errors",
     "Comparison": "many.compare",
     "ContactProblem": "problem",
     "Convergence": "many.converge",
+    "Fit": "many.fit",
     "Result": "run.result",
     "RunFailed": "run.simulate",
     "ScenarioError": "errors",
@@ -63,6 +68,7 @@ _HOMES = {
     "compare": "many.compare",
     "converge": "many.converge",
     "example": "scene.examples",
+    "fit": "many.fit",
     "load": "run.result",
     "resume": "run.simulate",
     "sensitivity": "many.sensitivity",

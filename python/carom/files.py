@@ -10,6 +10,7 @@ import errno
 import json
 import os
 import stat
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
@@ -96,6 +97,17 @@ def json_bytes(content: Any, **options: Any) -> bytes:
     """A line of JSON. Names of files may be no text: Python has their bytes as lone surrogates, which JSON can escape."""
     text = json.dumps(content, ensure_ascii=False, **options) + "\n"
     return text.encode(errors="backslashreplace")
+
+
+def finite(value: Any) -> Any:
+    """A document with null for each number that is not finite, as JSON demands."""
+    if isinstance(value, float):
+        return value if value - value == 0 else None
+    if isinstance(value, Mapping):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(v) for v in value]
+    return value
 
 
 def _sync_directory(path: Path) -> None:

@@ -148,6 +148,12 @@ def parse(text: str, dimension: str) -> float:
     return value * math.pi**pi if pi else value
 
 
+def factor(unit: str) -> float:
+    """What one `unit` of any dimension is in SI; no text is 1."""
+    value, pi, _ = _parse_unit(unit.replace("µ", "u").replace("μ", "u").replace("·", "*"), "write SI units")
+    return float(value) * math.pi**pi
+
+
 def expected(dimension: str) -> str:
     """What may stand there, in words: `a number in m, or "NUMBER UNIT" with a unit of m, cm, mm, um, in`."""
     _, si, others = DIMENSIONS[dimension]

@@ -16,6 +16,7 @@ from carom.cli.demo import demo
 from carom.cli.doctor import doctor
 from carom.cli.examples import examples
 from carom.cli.export import export
+from carom.cli.fit import fit
 from carom.cli.info import info
 from carom.cli.play import play
 from carom.cli.plot import plot
@@ -30,7 +31,7 @@ from carom.cli.view import view
 #: The commands by purpose, in the order of `carom --help`.
 GROUPS: dict[str, tuple[Any, ...]] = {
     "Start": (demo, play, examples, doctor),
-    "Simulate": (run, resume, sweep),
+    "Simulate": (run, resume, sweep, fit),
     "Look": (view, plot, export, info),
     "Check": (check, converge, compare, reproduce),
     "Other tasks": (solve, schema, cite),

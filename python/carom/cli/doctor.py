@@ -128,6 +128,7 @@ TESTS: dict[str, Callable[[], str]] = {
     "tables": _extra("xarray", "pandas"),
     "export": _extra("pyarrow", "gsd"),
     "studies": _extra("dask", "distributed", "scipy"),
+    "fits": _extra("dask", "distributed", "scipy", "scikit-learn"),
     "live view": _extra("viser"),
     "films": _extra("vtk", "imageio-ffmpeg"),
 }
@@ -136,6 +137,7 @@ OPTIONAL = {
     "tables": "pip install 'carom[interop]' for to_xarray and to_pandas",
     "export": "pip install 'carom[export]' for Parquet and GSD; other formats need nothing",
     "studies": "pip install 'carom[cluster]' for carom sweep",
+    "fits": "pip install 'carom[fit]' for carom fit",
     "live view": "pip install 'carom[live]' for carom view --live",
     "films": "pip install 'carom[video]' for MP4, GIF and PNG by carom export",
 }

@@ -7,14 +7,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, ParamSpec, TextIO
 
 import typer
 
 from carom.errors import CaromError, ScenarioError
-from carom.files import json_bytes
+from carom.files import finite, json_bytes
 from carom.text import seconds as seconds
 
 P = ParamSpec("P")
@@ -109,7 +109,7 @@ def fail(message: str, code: int, as_json: bool = False, **facts: Any) -> int:
 
 def emit(document: Any) -> None:
     """The one JSON document of a command with `--json`. What is not a finite number becomes null, as JSON demands."""
-    print(json_bytes(_finite(document), indent=2, allow_nan=False).decode(), end="")
+    print(json_bytes(finite(document), indent=2, allow_nan=False).decode(), end="")
 
 
 def note(message: str) -> None:
@@ -160,16 +160,6 @@ def _crashed(error: BaseException, as_json: bool) -> int:
     return fail(
         f"error in Carom itself, please report it ({TRACEBACK}=1 shows where): {told}", CRASH, as_json
     )
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if value - value == 0 else None
-    if isinstance(value, Mapping):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    return value
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from carom.cli.output import bare
+from carom.cli.output import bare, note
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichBar
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: A run that is over sooner than this shows no bar, and does not pay for importing one.
 PATIENCE_S = 0.4
+#: Seconds between two lines of progress where there is no terminal.
+LINE_SECONDS = 15.0
 
 
 class Bar:
@@ -45,6 +47,20 @@ class Bar:
         """Remove the bar."""
         if self._bar is not None:
             self._bar.stop()
+
+
+class LineBar(Bar):
+    """Progress on a terminal as a bar, elsewhere as a line now and then."""
+
+    _last = 0.0
+
+    def tell(self, done: int, of: int, told: str, wall_s: float) -> None:
+        """So many are done after `wall_s` seconds; `told` says more."""
+        if sys.stderr.isatty():
+            self.show(done, of, lambda width: told)
+        elif wall_s - self._last >= LINE_SECONDS:
+            self._last = wall_s
+            note(told)
 
 
 class ProgressBar(Bar):

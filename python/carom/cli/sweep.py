@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -12,16 +11,41 @@ import typer
 
 from carom.cli.options import Json, Quiet, listed, option
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
-from carom.cli.progress import Bar, left
+from carom.cli.progress import LineBar, left
 from carom.errors import CaromError, counted
 
 if TYPE_CHECKING:
+    from carom.many.fit import Fit
     from carom.many.sweep import Progress, Sweep
 
-#: Seconds between two lines of progress where there is no terminal.
-LINE_SECONDS = 15.0
 #: Failures that are printed.
 SHOWN = 10
+
+Workers = Annotated[
+    int | None,
+    option(
+        "--workers",
+        "N",
+        "Processes on this machine. Default: one per processor. 0: run in this process.",
+        min=0,
+    ),
+]
+Scheduler = Annotated[
+    str | None, option("--scheduler", "ADDRESS", "Address of a running dask scheduler: tcp://host:8786.")
+]
+RetryFailed = Annotated[bool, option("--retry-failed", "Run failed cases again.")]
+MeasureFile = Annotated[
+    str | None,
+    option(
+        "--measure",
+        "FILE.py:FUNCTION",
+        "Python function that takes the Result of a case and returns {name: number}.",
+    ),
+]
+Plots = Annotated[
+    bool | None,
+    option("--plots/--no-plots", "Draw summary figures. Default: if matplotlib is installed."),
+]
 
 
 @guarded
@@ -30,31 +54,11 @@ def sweep(
     out: Annotated[
         Path | None, option("-o", "--out", "DIR", "Folder of the study. Default: sweeps/STUDY.")
     ] = None,
-    workers: Annotated[
-        int | None,
-        option(
-            "--workers",
-            "N",
-            "Processes on this machine. Default: one per processor. 0: run in this process.",
-            min=0,
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None, option("--scheduler", "ADDRESS", "Address of a running dask scheduler: tcp://host:8786.")
-    ] = None,
-    retry_failed: Annotated[bool, option("--retry-failed", "Run failed cases again.")] = False,
-    measure: Annotated[
-        str | None,
-        option(
-            "--measure",
-            "FILE.py:FUNCTION",
-            "Python function that takes the Result of a case and returns {name: number}.",
-        ),
-    ] = None,
-    plots: Annotated[
-        bool | None,
-        option("--plots/--no-plots", "Draw summary figures. Default: if matplotlib is installed."),
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    retry_failed: RetryFailed = False,
+    measure: MeasureFile = None,
+    plots: Plots = None,
     columns: Annotated[str | None, option("--columns", "A,B", "Columns for the figures and --csv.")] = None,
     csv: Annotated[Path | None, option("--csv", "FILE", "Also write the table as CSV.")] = None,
     quiet: Quiet = False,
@@ -69,7 +73,7 @@ def sweep(
     from carom.many.sweep import Study
     from carom.many.sweep import sweep as compute
 
-    described = Study.from_toml(study, _function(measure))
+    described = Study.from_toml(study, function(measure))
     folder = out or Path("sweeps") / study.stem
     bar = _Bar() if not (quiet or as_json) else None
     try:
@@ -91,7 +95,7 @@ def sweep(
             bar.stop()
     chosen = listed(columns)
     files = [found.to_csv(csv, chosen)] if csv is not None else []
-    files += _figures(found, plots, chosen)
+    files += figures(found, plots, columns=chosen) if found.ok.any() else []
     if as_json:
         emit({**found.summary, "files": [str(f) for f in files]})
     elif not quiet:
@@ -99,12 +103,13 @@ def sweep(
     return NOT_CONVERGED if found.failures else DONE
 
 
-def _figures(found: Sweep, wanted: bool | None, columns: list[str]) -> list[Path]:
+def figures(found: Sweep | Fit, wanted: bool | None, **options: Any) -> list[Path]:
+    """Figures if they are wanted, by default if matplotlib is there."""
     if wanted is None:
         from importlib.util import find_spec
 
         wanted = find_spec("matplotlib") is not None
-    return found.plot(columns=columns) if wanted and found.ok.any() else []
+    return found.plot(**options) if wanted else []
 
 
 def _print(found: Sweep, files: list[Path]) -> None:
@@ -127,21 +132,13 @@ def _print(found: Sweep, files: list[Path]) -> None:
     print("\n".join(str(f) for f in [facts["table"], *files]))
 
 
-class _Bar(Bar):
-    """Progress on a terminal as a bar, elsewhere as a line now and then."""
-
-    _last = 0.0
-
+class _Bar(LineBar):
     def __call__(self, now: Progress) -> None:
         told = f"{now.done}/{now.cases}  {now.failed} failed  {now.per_second:.3g}/s  ETA {left(now.eta_s)}"
-        if sys.stderr.isatty():
-            self.show(now.done, now.cases, lambda width: told)
-        elif now.wall_s - self._last >= LINE_SECONDS:
-            self._last = now.wall_s
-            note(told)
+        self.tell(now.done, now.cases, told, now.wall_s)
 
 
-def _function(named: str | None) -> Callable[[Any], dict[str, float]] | None:
+def function(named: str | None) -> Callable[[Any], dict[str, float]] | None:
     """The function of `FILE.py:FUNCTION`."""
     if named is None:
         return None

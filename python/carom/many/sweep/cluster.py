@@ -43,19 +43,26 @@ ANSWER_SECONDS = 10.0
 LOOK_SECONDS = 0.5
 
 
-def in_this_process(jobs: Sequence[Job], done: Done) -> None:
-    """One piece after the other, without a cluster."""
-    for job in jobs:
-        done(*compute(job))
+@contextmanager
+def team(workers: int, scheduler: str | None) -> Iterator[Callable[[Sequence[Job], Done], None]]:
+    """What computes pieces, in whatever order they end: this process, or a cluster that lasts as long as the block."""
+    client: Any = None
+    with ExitStack() as stack:
 
+        def compute_all(jobs: Sequence[Job], done: Done) -> None:
+            nonlocal client
+            if workers == 0 and scheduler is None:
+                for job in jobs:
+                    done(*compute(job))
+                return
+            if client is None:
+                client = stack.enter_context(_client(workers, scheduler))
+            try:
+                _drive(client, list(reversed(jobs)), done)
+            except (OSError, TimeoutError) as error:  # of the connection; those of workers come as CaromError
+                raise CaromError(GONE) from error
 
-def on_cluster(jobs: Sequence[Job], done: Done, workers: int, scheduler: str | None) -> None:
-    """All pieces, in whatever order they end."""
-    with _client(workers, scheduler) as client:
-        try:
-            _drive(client, list(reversed(jobs)), done)
-        except (OSError, TimeoutError) as error:  # of the connection; those of workers come as CaromError
-            raise CaromError(GONE) from error
+        yield compute_all
 
 
 @contextmanager

@@ -42,8 +42,10 @@ OWN_UNITS = {"time": "s", "seconds": "s", "penetration_max": "m"}
 class Folder:
     """The files of a study."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, keep: bool = False) -> None:
+        """With `keep` parts stay in memory, which never change: for searches, which look at them many times."""
         self.path = path
+        self._kept: dict[Path, Any] | None = {} if keep else None
         self.parts = path / "parts"
         self.table_file = path / "sweep.parquet"
         self.about = path / "sweep.json"
@@ -134,13 +136,19 @@ class Folder:
             self.parts.glob(f"{pattern}.parquet"), key=lambda path: (path.stat().st_mtime_ns, path.name)
         )
         for path in files:
+            if self._kept is not None and path in self._kept:
+                yield path, self._kept[path]
+                continue
             try:
                 with open(regular(path), "rb") as part, parquet.ParquetFile(part) as file:
                     there = file.schema_arrow.names
                     if not _as_written(arrow, file.schema_arrow):
                         continue
-                    table = file.read([name for name in columns or there if name in there])
+                    wanted = columns if columns and self._kept is None else there
+                    table = file.read([name for name in wanted if name in there])
                     table.validate(full=True)
+                if self._kept is not None:
+                    self._kept[path] = table
                 yield path, table
             except (arrow.ArrowException, OSError, CaromError):
                 continue

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,20 +73,35 @@ def sweep(
         raise CaromError(
             f"sweep: workers = {workers}; give a number of processes, or 0 for this process alone"
         )
-    count = usable_processors() if workers is None else workers
     folder = Folder(Path(out).absolute())
-    with folder.driving():
-        return _compute(study, folder, count, scheduler, retry_failed, progress)
+    with folder.driving(), Team.of(workers, scheduler) as team:
+        return complete(study, folder, team, retry_failed, progress)
 
 
-def _compute(
+@dataclass(frozen=True)
+class Team:
+    """Who computes: `workers` processes (0: this one), which last as long as the block."""
+
+    workers: int
+    compute: Callable[[Sequence[Job], cluster.Done], None]
+
+    @classmethod
+    @contextmanager
+    def of(cls, workers: int | None, scheduler: str | None) -> Iterator[Team]:
+        """`workers` processes of this machine, by default one per processor, or those of a `scheduler`."""
+        count = usable_processors() if workers is None else workers
+        with cluster.team(count, scheduler) as compute:
+            yield cls(count, compute)
+
+
+def complete(
     study: Study,
     folder: Folder,
-    workers: int,
-    scheduler: str | None,
-    retry_failed: bool,
-    progress: Callable[[Progress], None] | None,
+    team: Team,
+    retry_failed: bool = False,
+    progress: Callable[[Progress], None] | None = None,
 ) -> Sweep:
+    """Compute the cases of a study that the folder lacks; whoever calls this is driving the folder."""
     before = folder.outcomes()
     done = [name for name in study.ids if name in before and (before[name] == "done" or not retry_failed)]
     there = set(done)
@@ -104,11 +120,7 @@ def _compute(
 
     try:
         if missing:
-            jobs = _pieces(study, folder, missing, workers, retry_failed)
-            if workers == 0 and scheduler is None:
-                cluster.in_this_process(jobs, note)
-            else:
-                cluster.on_cluster(jobs, note, workers, scheduler)
+            team.compute(_pieces(study, folder, missing, team.workers, retry_failed), note)
     finally:  # also after Ctrl-C: the table holds what there is
         table = folder.gather(study)
         found = Sweep(folder.path, study, table, state)

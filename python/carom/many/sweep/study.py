@@ -6,7 +6,8 @@ import hashlib
 import inspect
 import json
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +23,7 @@ from carom.many.threads import ENERGIES, MONITORS
 from carom.run.result import Result
 from carom.scene.scene import Scene
 from carom.scene.shipped import find, named
+from carom.scene.tables.model import SINGLE
 from carom.scene.toml.load import read_text
 
 Measure = Callable[["Result"], Mapping[str, float]]
@@ -122,43 +124,8 @@ class Study:
     def from_toml(cls, path: str | Path, measure: Measure | None = None) -> Study:
         """The study of a file. Its scenario is a path beside it, or the name of an example of Carom."""
         path = Path(path)
-        text = _read(path)
-        try:
-            raw = tomllib.loads(text)
-        except ValueError as error:
-            raise CaromError(f"{path} is not TOML: {error}") from error
-        _known(path, "", raw)
-        for section in ("design", "keep", "parameters", "set", "run"):
-            if not isinstance(raw.get(section, {}), dict):
-                raise CaromError(f"{path}: expected a table, write [{section}] and its keys below")
-            _known(path, section, raw.get(section, {}))
-        if raw.get("format") != FORMAT:
-            raise CaromError(f"{path}: format = {raw.get('format')!r}; write format = {FORMAT} at the top")
-        if not isinstance(raw.get("scenario"), str):
-            raise CaromError(f'{path}: scenario is missing; write scenario = "FILE.toml"')
-        design, keep = dict(raw.get("design", {})), dict(raw.get("keep", {}))
-        file = design.pop("file", None)
-        kind = design.pop("kind", "grid" if file is None else "table")
-        for key in ("count", "seed"):
-            if key in design and (
-                isinstance(design[key], bool) or not isinstance(design[key], int) or design[key] < 0
-            ):
-                raise CaromError(f"{path}: design.{key}: expected a whole number, found {design[key]!r}")
-        if not isinstance(keep.get("runs", False), bool):
-            raise CaromError(f"{path}: keep.runs: expected true or false, found {keep['runs']!r}")
-        if (file is not None) != (kind == "table"):
-            raise CaromError(f"{path}: design.kind = table and design.file = FILE.csv belong together")
-        try:
-            return cls.of(
-                _scenario(path, raw["scenario"]), raw.get("parameters"), design=kind, **design,
-                table=None if file is None else path.parent / str(file), set=raw.get("set"), case=raw.get("case"),
-                title=str(raw.get("title", path.stem.encode(errors="replace").decode())),
-                keep_runs=keep.get("runs", False), bodies=keep.get("bodies"), measure=measure, **raw.get("run", {}),
-            )  # fmt: skip
-        except CaromError as error:
-            if type(error) is not CaromError or str(path) in str(error):
-                raise
-            raise CaromError(f"{path}: {error}") from error
+        with named_in(path):
+            return cls.of(**arguments(path, tables(path, KEYS)), measure=measure)
 
     def check(self) -> None:
         """Refuse what cannot be computed, before anything is: names, expressions, the scene of the first case."""
@@ -207,7 +174,7 @@ class Study:
             "run": self.run,
             "runs": self.keep_runs,
             "bodies": self.bodies,
-            "measure": _source(self.measure),
+            "measure": identity_of(self.measure),
         }
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
@@ -230,11 +197,76 @@ def column(name: str) -> str:
     return f"{name}.start" if set(name.split(".")) & set(KINEMATICS) else name
 
 
-def _known(path: Path, section: str, table: Mapping[str, Any]) -> None:
-    for key in table if section in KEYS else ():
-        if key not in KEYS[section]:
+def tables(path: Path, keys: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
+    """The tables of a study file, with the `keys` that each section may have."""
+    text = _read(path)
+    try:
+        raw = tomllib.loads(text)
+    except ValueError as error:
+        raise CaromError(f"{path} is not TOML: {error}") from error
+    _known(path, "", raw, keys)
+    for section in ("design", "keep", "parameters", "search", "set", "run"):
+        if not isinstance(raw.get(section, {}), dict):
+            raise CaromError(f"{path}: expected a table, write [{section}] and its keys below")
+        _known(path, section, raw.get(section, {}), keys)
+    if raw.get("format") != FORMAT:
+        raise CaromError(f"{path}: format = {raw.get('format')!r}; write format = {FORMAT} at the top")
+    if not isinstance(raw.get("scenario"), str):
+        raise CaromError(f'{path}: scenario is missing; write scenario = "FILE.toml"')
+    if not isinstance(raw.get("keep", {}).get("runs", False), bool):
+        raise CaromError(f"{path}: keep.runs: expected true or false, found {raw['keep']['runs']!r}")
+    return raw
+
+
+def arguments(path: Path, raw: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments of `Study.of` in the tables of a file. Its scenario is a path beside it, or an example of Carom."""
+    design, keep = dict(raw.get("design", {})), raw.get("keep", {})
+    file = design.pop("file", None)
+    kind = design.pop("kind", "grid" if file is None else "table")
+    for key in ("count", "seed"):
+        if key in design and (
+            isinstance(design[key], bool) or not isinstance(design[key], int) or design[key] < 0
+        ):
+            raise CaromError(f"{path}: design.{key}: expected a whole number, found {design[key]!r}")
+    if (file is not None) != (kind == "table"):
+        raise CaromError(f"{path}: design.kind = table and design.file = FILE.csv belong together")
+    found = {
+        "scene": _scenario(path, raw["scenario"]),
+        "parameters": raw.get("parameters"),
+        "design": kind,
+        **design,
+        "table": None if file is None else path.parent / str(file),
+        "set": raw.get("set"),
+        "case": raw.get("case"),
+        "title": str(raw.get("title", path.stem.encode(errors="replace").decode())),
+        "keep_runs": keep.get("runs", False),
+        "bodies": keep.get("bodies"),
+    }
+    run = raw.get("run", {})
+    for key in run:
+        if key in (*found, "count", "seed", "measure"):
+            raise CaromError(
+                f"{path}: unknown key run.{key}; {did_you_mean(key, [*SINGLE['run'].model_fields])}"
+            )
+    return {**found, **run}
+
+
+@contextmanager
+def named_in(path: Path) -> Iterator[None]:
+    """Errors of what a file says name the file."""
+    try:
+        yield
+    except CaromError as error:
+        if type(error) is not CaromError or str(path) in str(error):
+            raise
+        raise CaromError(f"{path}: {error}") from error
+
+
+def _known(path: Path, section: str, table: Mapping[str, Any], keys: Mapping[str, tuple[str, ...]]) -> None:
+    for key in table if section in keys else ():
+        if key not in keys[section]:
             place = f"{section}.{key}" if section else key
-            raise CaromError(f"{path}: unknown key {place}; {did_you_mean(key, KEYS[section])}")
+            raise CaromError(f"{path}: unknown key {place}; {did_you_mean(key, keys[section])}")
 
 
 def _read(path: Path) -> str:
@@ -256,9 +288,12 @@ def _scenario(study: Path, named: str) -> Path:
     return Path(find(named))
 
 
-def _source(measure: Measure | None) -> str | None:
+def identity_of(measure: Measure | None) -> str | None:
+    """What distinguishes a measure from others: the `identity` that it states, or its source."""
     if measure is None:
         return None
+    if (stated := getattr(measure, "identity", None)) is not None:
+        return str(stated)
     try:
         return inspect.getsource(measure)
     except (OSError, TypeError):

@@ -1,0 +1,205 @@
+"""What a fit is fitted to: measured numbers and curves with their uncertainties, in SI units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from carom import units
+from carom.arrays import F64
+from carom.errors import CaromError, did_you_mean, quoted
+from carom.many.sweep.design import read_table
+from carom.many.sweep.study import Measure, identity_of
+from carom.result.kinematics import QUANTITIES
+from carom.run.result import Result
+
+KEYS = ("quantity", "value", "uncertainty", "time", "file", "columns", "ball", "unit", "time_unit")
+#: Names of the column of times, where the target names none.
+TIMES = ("time", "t")
+#: Dimension of each quantity of a ball that moves.
+DIMENSIONS = {"position": "length", "velocity": "speed", "angular_velocity": "angular speed"}
+_HEADING = re.compile(r"(.*?)\s*[(\[]([^)\]]*)[)\]]\s*")
+
+
+@dataclass(frozen=True)
+class Target:
+    """One measured number (`time` is None), or one measured curve."""
+
+    place: str
+    """Where it was given, for messages."""
+    quantity: str
+    """A column of the sweep's table, or what a curve is of: `a.position.x`, or a name that the measure returns."""
+    value: tuple[float, ...]
+    uncertainty: tuple[float, ...]
+    """Standard deviations of the values."""
+    time: tuple[float, ...] | None = None
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of the table that stand beside the values."""
+        return [self.quantity] if self.time is None else columns(self.quantity, self.time)
+
+
+def columns(quantity: str, times: Sequence[float]) -> list[str]:
+    """Columns of a curve at some times."""
+    return [f"{quantity} at {t!r} s" for t in times]
+
+
+def moving(quantity: str) -> tuple[str, str, str] | None:
+    """Ball, quantity and component of `a.position.x`; None where it is no such name."""
+    parts = quantity.rsplit(".", 2)
+    ok = len(parts) == 3 and parts[1] in QUANTITIES and parts[2] in QUANTITIES[parts[1]][0]
+    return (parts[0], parts[1], parts[2]) if ok else None
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The measure of a fit's runs: what `function` returns, with its curves and those of the balls read at fixed times.
+
+    Beside numbers `function` may return curves, `{name: (times, values)}`.
+    """
+
+    curves: tuple[tuple[str, tuple[float, ...]], ...]
+    function: Measure | None
+
+    @property
+    def identity(self) -> str:
+        """What distinguishes it from other measures."""
+        return repr((self.curves, identity_of(self.function)))
+
+    def __call__(self, result: Result) -> dict[str, float]:
+        """Numbers by the names of their columns."""
+        given: dict[str, Any] = dict(self.function(result)) if self.function is not None else {}
+        found = {name: float(value) for name, value in given.items() if np.ndim(value) == 0}
+        for quantity, times in self.curves:
+            t, values = _curve(result, quantity, given)
+            late = max(times) - t[-1]
+            if late > 1e-9 * max(t[-1], 1e-300):
+                raise CaromError(
+                    f"{quantity}: the run ends {late:.3g} s before the last time of the target; raise run.until"
+                )
+            found |= dict(zip(columns(quantity, times), np.interp(times, t, values).tolist(), strict=True))
+        return found
+
+
+def _curve(result: Result, quantity: str, given: Mapping[str, Any]) -> tuple[F64, F64]:
+    if quantity in given:
+        t, values = (np.asarray(part, dtype=float) for part in given[quantity])
+        return t, values
+    place = moving(quantity)
+    if place is None:
+        raise CaromError(f"no curve is called {quantity}; {did_you_mean(quantity, list(given))}")
+    ball, name, letter = place
+    values = np.asarray(getattr(result[ball], name))[:, QUANTITIES[name][0].index(letter)]
+    return np.asarray(result.time), values
+
+
+def read(place: str, given: Mapping[str, Any], folder: Path) -> list[Target]:
+    """The targets of one table `[[target]]`, whose file is looked for in `folder`."""
+    for key in given:
+        if key not in KEYS:
+            raise CaromError(f"{place}: unknown key {key}; {did_you_mean(key, KEYS)}")
+    if "uncertainty" not in given:
+        raise CaromError(f"{place}: uncertainty is missing; write the standard deviation of the values")
+    if "file" in given:
+        return _of_file(place, given, folder / str(given["file"]))
+    if not isinstance(given.get("quantity"), str) or "value" not in given:
+        raise CaromError(f'{place}: write quantity = "NAME" and value = NUMBER, or file = "FILE.csv"')
+    quantity = given["quantity"]
+    values = _si(f"{place}.value", given["value"], quantity)
+    time = None if "time" not in given else _si(f"{place}.time", given["time"], None)
+    if len(values) > 1 and (time is None or len(time) != len(values)):
+        raise CaromError(f"{place}: {len(values)} values need time = [...] with as many times")
+    sigma = _si(f"{place}.uncertainty", given["uncertainty"], quantity)
+    return [_target(place, quantity, values, sigma, time)]
+
+
+def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
+    table = {}
+    for heading, numbers in read_table(path).items():
+        name, unit = match.groups() if (match := _HEADING.fullmatch(heading)) else (heading, None)
+        table[name] = (numbers, unit)
+    named = given.get("time", next((name for name in TIMES if name in table), TIMES[0]))
+    chosen = given.get("columns")
+    if chosen is None and isinstance(given.get("ball"), str):
+        chosen = {x: f"{given['ball']}.position.{x}" for x in "xyz" if x in table}
+    if not isinstance(chosen, Mapping) or not chosen:
+        cure = 'columns = { "x1" = "BALL.position.x" }, or ball = "BALL" for columns x, y and z'
+        raise CaromError(f"{place}: {path} needs to be told what its columns are; write {cure}")
+    for name in (named, *chosen):
+        if name not in table:
+            raise CaromError(f"{place}: {path} has no column {quoted(name)}; {did_you_mean(name, [*table])}")
+
+    def read_off(name: str, quantity: str | None, key: str) -> F64:
+        numbers, unit = table[name]
+        unit = given.get(key) if unit is None else unit
+        return np.array(numbers) * (
+            1.0 if not unit else _factor(f"{place}: {path}, column {name}", unit, quantity)
+        )
+
+    time = tuple(read_off(named, None, "time_unit").tolist())
+    found = []
+    for name, quantity in chosen.items():
+        sigma = given["uncertainty"]
+        if sigma in table:
+            deviations = tuple(read_off(sigma, quantity, "unit").tolist())
+        else:
+            deviations = _si(f"{place}.uncertainty", sigma, quantity)
+        values = tuple(read_off(name, quantity, "unit").tolist())
+        found.append(_target(f"{place}: {path}, column {name}", quantity, values, deviations, time))
+    return found
+
+
+def _target(
+    place: str,
+    quantity: str,
+    values: tuple[float, ...],
+    sigma: tuple[float, ...],
+    time: tuple[float, ...] | None,
+) -> Target:
+    sigma = sigma * len(values) if len(sigma) == 1 else sigma
+    if len(sigma) != len(values) or not all(s > 0 for s in sigma):
+        raise CaromError(f"{place}: uncertainty must be above 0, one number or one for each value")
+    if time is not None and (min(time) < 0 or len(set(time)) < len(time)):
+        raise CaromError(f"{place}: times must be from 0 on, each once; the run begins at 0")
+    return Target(place, quantity, values, sigma, time)
+
+
+def _si(place: str, given: Any, quantity: str | None) -> tuple[float, ...]:
+    """Numbers in SI, or texts `0.5 mm`."""
+    found = []
+    for value in given if isinstance(given, (list, tuple, np.ndarray)) else [given]:
+        if isinstance(value, str):
+            number, _, unit = value.strip().partition(" ")
+            try:
+                value = float(number) * _factor(place, unit, quantity)
+            except ValueError as error:
+                if isinstance(error, CaromError):
+                    raise
+                raise CaromError(f'{place}: {quoted(value)} is no "NUMBER UNIT" and no column') from error
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, (int, float, np.number))
+            or not np.isfinite(value)
+        ):
+            raise CaromError(f"{place}: expected a finite number in SI units, found {quoted(value)}")
+        found.append(float(value))
+    if not found:
+        raise CaromError(f"{place}: the list is empty; give at least one number")
+    return tuple(found)
+
+
+def _factor(place: str, unit: str, quantity: str | None) -> float:
+    """One `unit` in SI. That of a ball's quantity must have its dimension, and that of a time be one of time."""
+    known = moving(quantity) if quantity is not None else ("", "time", "")
+    try:
+        if known is None or known[1] not in (*DIMENSIONS, "time"):
+            return units.factor(unit)
+        return units.parse(f"1 {unit}", DIMENSIONS.get(known[1], "time"))
+    except units.UnitError as error:
+        raise CaromError(f"{place}: {error}") from error

@@ -1,0 +1,75 @@
+"""What the data tell of the parameters, from the slopes of the residuals at the best point.
+
+With J = d(residuals)/d(shares) = U S V^T the covariance of the shares is A (1 + n^2) A^T, where A is the pseudo-inverse of J
+and n the noise of the runs over the uncertainties. A direction of V whose singular value is no larger than the error of J is
+not determined, nor is a parameter whose interval would be as wide as its bounds. A best value at a bound has no interval;
+the others have theirs with it fixed there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from carom.arrays import F64, Bool
+from carom.errors import extra
+
+#: Share of the range within which a best value that would go on beyond it counts as at a bound.
+AT_BOUND = 0.01
+#: Decrease of chi squared beyond the bounds below which a best value at a bound is there by chance.
+GAIN = 0.01
+#: Component of a direction from which a parameter takes part in it.
+TAKES_PART = 0.1
+#: Likelihood of a chi squared below which the intervals are widened by the square root of chi squared over its mean.
+UNLIKELY = 0.01
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Told:
+    """95 % intervals as half widths in shares; NaN where there is none."""
+
+    half: F64
+    correlation: F64
+    at_bound: Bool
+    hidden: Bool
+    """Parameters that the data do not determine."""
+    directions: list[list[int]]
+    """Parameters that the data do not tell apart, or of which they say nothing."""
+    chi2: float
+    freedom: int
+    likelihood: float
+    """Of a greater chi squared, if model and uncertainties are right."""
+    widened: float
+
+
+def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float) -> Told:
+    """From the slopes (data, parameters), residuals and noise of the runs (data,) over the uncertainties."""
+    stats = extra("scipy.stats", "a fit needs scipy", "fit")
+    n = len(shares)
+    step = -np.linalg.pinv(jacobian, rcond=1e-8) @ residuals
+    outward = ((shares < AT_BOUND) & (step < -shares)) | ((shares > 1 - AT_BOUND) & (step > 1 - shares))
+    at_bound = outward & (np.sum((jacobian @ step) ** 2) > GAIN)
+    free = np.flatnonzero(~at_bound)
+    variance = 1 + noise**2
+    chi2, freedom = float(np.sum(residuals**2 / variance)), max(0, len(residuals) - len(free))
+    likelihood = float(stats.chi2.sf(chi2, freedom)) if freedom else 1.0
+    widened = float(np.sqrt(chi2 / freedom)) if likelihood < UNLIKELY else 1.0
+    wide = stats.norm.ppf(0.5 + CONFIDENCE / 2) * widened
+    half, correlation = np.full(n, np.nan), np.full((n, n), np.nan)
+    hidden, directions = np.zeros(n, dtype=bool), []
+    if len(free):
+        u, s, v = np.linalg.svd(jacobian[:, free], full_matrices=False)
+        seen = s > max(floor, 1e-12 * s.max(initial=0.0), 1e-300)
+        spread = (v.T / np.where(seen, s, np.inf)) @ u.T * np.sqrt(variance)
+        covariance = spread @ spread.T
+        sigma = np.sqrt(np.diag(covariance))
+        blind = np.abs(v[~seen]) > TAKES_PART**2  # a small part in an unknown direction may be large
+        hidden[free] = blind.any(axis=0) | (2 * wide * sigma >= 1)
+        weak = ~seen | (2 * wide >= s)
+        directions = [free[np.abs(row) > TAKES_PART].tolist() for row in v[weak]]
+        half[free] = np.where(hidden[free], np.nan, wide * sigma)
+        known = np.where(hidden[free] | (sigma == 0), np.nan, sigma)
+        correlation[np.ix_(free, free)] = covariance / np.outer(known, known)
+    return Told(half, correlation, at_bound, hidden, directions, chi2, freedom, likelihood, widened)

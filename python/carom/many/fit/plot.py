@@ -1,0 +1,83 @@
+"""A fit at a glance: measured beside fitted values, and how the search went."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.arrays import Array
+from carom.many.fit.points import Points
+from carom.show.plot.style import COLOURS, GREY, Chart, panels, styled, width
+
+if TYPE_CHECKING:
+    from carom.many.fit.result import Fit
+
+#: Quantities that are drawn, the first ones.
+MOST = 6
+
+
+def curves(fit: Fit) -> Chart:
+    """Each target with its uncertainty and the fitted values, and beside it what is left over the uncertainty."""
+    from carom.show.plot.figure import Drawing
+
+    table = {name: np.array(values) for name, values in fit.residuals.items()}
+    numbers = {name: values for name, values in table.items() if values.dtype.kind != "U"}
+    chosen = list(dict.fromkeys(table["quantity"].tolist()))[:MOST]
+    with styled():
+        figure = Drawing(figsize=(width(), 1.4 * len(chosen) + 0.5), layout="constrained")
+        grid = figure.subplots(len(chosen), 2, squeeze=False, width_ratios=(3, 2))
+        for (axis, rest), name in zip(grid, chosen, strict=True):
+            rows = np.flatnonzero(table["quantity"] == name)
+            x, y, sigma, found, left = (
+                table[key][rows]
+                for key in ("time", "measured", "uncertainty", "fitted", "residual over uncertainty")
+            )
+            curve = bool(np.isfinite(x).all())
+            x = x if curve else np.arange(1.0, len(rows) + 1)
+            order = np.argsort(x)
+            axis.errorbar(
+                x, y, sigma, fmt=".", color=COLOURS[0], markersize=3, linewidth=0.8, label="measured"
+            )
+            style = {"linestyle": "-"} if curve else {"linestyle": "", "marker": "x"}
+            axis.plot(x[order], found[order], color=COLOURS[1], label="fitted", **style)
+            axis.set_ylabel(name)
+            rest.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
+            rest.plot(x, left, ".", color=COLOURS[0], markersize=3)
+            for side in (axis, rest):
+                side.set_xlabel("$t$ (s)" if curve else "")
+                if not curve:
+                    side.set_xticks(x, [""] * len(x))
+                    side.set_xlim(0.5, len(rows) + 0.5)
+        grid[0, 0].legend()
+        grid[0, 1].set_title("residual over uncertainty", loc="left")
+        figure.suptitle(fit.calibration.study.title, x=0.01, ha="left", fontsize=9)
+    return Chart(figure, {"target": table["quantity"], **numbers})
+
+
+def path(points: Points) -> Chart:
+    """Chi squared and the parameters of each point, in the order of the search; crosses are points that failed."""
+    values, names = points.calibration.values(points.shares), points.calibration.names
+    chi2 = np.where(points.good, points.chi2, np.nan)
+    order = np.arange(1, len(chi2) + 1)
+    numbers: dict[str, Array] = {"point": order, "chi squared": chi2}
+    with styled():
+        figure, axes = panels(1 + len(names), 1.2 * (1 + len(names)) + 0.6, points.calibration.study.title)
+        axes[0].plot(order, chi2, ".", color=COLOURS[0], markersize=3)
+        axes[0].plot(order, np.fmin.accumulate(chi2), color=COLOURS[1], label="least so far")
+        if np.nanmin(chi2) > 0:
+            axes[0].set_yscale("log")
+        axes[0].set_ylabel("chi squared")
+        axes[0].legend()
+        for k, name in enumerate(names):
+            numbers[name] = values[:, k]
+            axis = axes[1 + k]
+            axis.plot(order[points.good], values[points.good, k], ".", color=COLOURS[0], markersize=3)
+            axis.plot(order[~points.good], values[~points.good, k], "x", color=COLOURS[1], markersize=4)
+            axis.set_ylabel(name)
+            bounds = points.calibration.axes[k]
+            axis.set_ylim(bounds.low, bounds.high)
+            if bounds.log:
+                axis.set_yscale("log")
+        axes[-1].set_xlabel("point")
+    return Chart(figure, numbers)

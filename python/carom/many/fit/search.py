@@ -1,0 +1,239 @@
+"""Searches for the parameters with the least chi squared. All see shares of the ranges, from 0 to 1.
+
+What a search asks for depends on its seed and on earlier answers alone: not on the number of workers, nor on the time.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from carom.arrays import F64
+from carom.errors import CaromError, extra
+from carom.many.fit.calibration import STEP
+from carom.many.fit.points import Exhausted, Points
+from carom.many.fit.process import Process
+
+#: Steps over the range that are tried where runs are noisy, and how often the change must exceed its noise.
+NOISY_STEPS, SIGNAL = (0.05, 0.1, 0.2), 3.0
+#: Relative changes below which least squares end: of chi squared and of the shares.
+FTOL, XTOL = 1e-6, 1e-6
+#: The same where runs are noisy.
+NOISY_FTOL, NOISY_XTOL = 1e-2, 1e-2
+#: Expected improvement of chi squared below which the Gaussian process ends.
+IMPROVEMENT = 0.1
+#: Multiple of it up to which a search that used all its points counts as converged.
+SETTLED = 10.0
+#: Points at the end where the process expects the least chi squared, one after the other.
+REFINED = 2
+#: Samples of the ranges among which the next point is looked for.
+SAMPLES = 1024
+
+
+@dataclass
+class Found:
+    """The end of a search."""
+
+    best: int
+    """Number of the best point."""
+    converged: bool
+    message: str
+    jacobian: F64
+    """Change of the residuals with the shares, (data, parameters)."""
+    floor: float
+    """Singular values of the Jacobian up to here may be errors of its own."""
+    jacobian_by: str
+    noise: F64 | None = None
+    """Standard deviation of the predicted residuals; None: those of the best point's seeds."""
+
+
+def search(points: Points) -> Found:
+    """The search that the calibration names."""
+    return {
+        "least_squares": least_squares,
+        "differential_evolution": differential_evolution,
+        "gaussian_process": gaussian_process,
+    }[points.calibration.search](points)
+
+
+def _needs(module: str, package: str) -> Any:
+    return extra(module, f"a fit needs {package}", "fit")
+
+
+def _sampled(points: Points, count: int) -> F64:
+    qmc = _needs("scipy.stats.qmc", "scipy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a count that is no power of 2 is good enough
+        engine = qmc.Sobol(len(points.calibration.axes), rng=points.calibration.seed)
+        return np.asarray(engine.random(count))
+
+
+def _steps(points: Points, centre: F64) -> F64:
+    """Steps of central differences: as given, else 0.01; where runs are noisy the least that stands out of the noise."""
+    given, n = points.calibration.difference, len(centre)
+    if given is not None or points.calibration.seeds == 1:
+        return np.full(n, given or STEP)
+    steps = np.full(n, NOISY_STEPS[-1])
+    for k in range(n):
+        for step in NOISY_STEPS:
+            sides = _sides(centre, k, step)
+            low, high = points.at(np.array(sides))
+            change = points.predicted[high] - points.predicted[low]
+            noise = np.hypot(points.noise[high], points.noise[low])
+            if np.sum(change**2) > SIGNAL**2 * np.sum(noise**2):
+                steps[k] = step
+                break
+    return steps
+
+
+def _residuals(points: Points, shares: F64) -> F64:
+    [number] = points.at(shares)
+    return np.asarray(points.residuals[number])
+
+
+def _chi2(points: Points, shares: F64) -> F64:
+    numbers = points.at(shares)
+    return np.asarray(points.chi2[numbers])
+
+
+def _sides(centre: F64, k: int, step: float) -> tuple[F64, F64]:
+    low, high = centre.copy(), centre.copy()
+    low[k], high[k] = max(0.0, centre[k] - step), min(1.0, centre[k] + step)
+    return low, high
+
+
+def _jacobian(points: Points, centre: F64, steps: F64) -> F64:
+    """Central differences of the residuals; one-sided beside a bound and beside a point that failed."""
+    sides = [side for k, step in enumerate(steps) for side in _sides(centre, k, step)]
+    numbers = points.at(np.array([centre, *sides]))
+    here, columns = numbers[0], []
+    for k in range(len(steps)):
+        low, high = (j if points.good[j] else here for j in numbers[1 + 2 * k : 3 + 2 * k])
+        if low == high:
+            name = points.calibration.names[k]
+            value = points.calibration.values(centre)[k]
+            raise CaromError(
+                f"runs on both sides of {name} = {value:g} fail, so no slope is known; give a smaller search.difference,"
+                " or search.kind = differential_evolution"
+            )
+        width = points.shares[high, k] - points.shares[low, k]
+        columns.append((points.residuals[high] - points.residuals[low]) / width)
+    return np.stack(columns, axis=-1)
+
+
+def _slopes(points: Points, best: int, steps: F64) -> tuple[F64, float, str]:
+    """The Jacobian at the best point, how far it may be wrong, and how it was found."""
+    centre = points.shares[best]
+    jacobian = _jacobian(points, centre, steps)
+    told = ", ".join(f"{step:.3g}" for step in steps)
+    if points.calibration.seeds > 1:
+        noise = np.sqrt(2 * np.sum((points.noise[best] / points.sigma) ** 2)) / (2 * steps.min())
+        return jacobian, float(noise), f"central differences over {told} of the ranges, chosen by the noise"
+    finer = _jacobian(points, centre, steps / 2)
+    error = float(np.linalg.norm(jacobian - finer, 2))
+    return finer, error, f"central differences over {steps.max() / 2:.3g} of the ranges"
+
+
+def least_squares(points: Points) -> Found:
+    """scipy's trust region reflective method from one or several starts."""
+    optimize = _needs("scipy.optimize", "scipy")
+    calibration = points.calibration
+    starts = np.vstack([calibration.first, _sampled(points, calibration.first_points - 1)])
+    numbers = points.at(starts)
+    noisy, message, ends = calibration.seeds > 1, "", []
+    steps = np.full(len(starts[0]), STEP)
+    try:
+        steps = _steps(points, starts[next(k for k, j in enumerate(numbers) if points.good[j])])
+        for start, number in zip(starts, numbers, strict=True):
+            if not points.good[number]:
+                continue
+            found = optimize.least_squares(
+                lambda shares: _residuals(points, shares),
+                start,
+                jac=lambda shares: _jacobian(points, shares, steps),
+                bounds=(0.0, 1.0),
+                ftol=NOISY_FTOL if noisy else FTOL,
+                xtol=NOISY_XTOL if noisy else XTOL,
+                gtol=None,
+            )
+            ends.append(points.at(found.x)[0])
+            message = message or found.message
+    except Exhausted:
+        message = f"the search ended after its {calibration.points} points; raise search.points"
+    best = min(ends, key=points.chi2.__getitem__) if ends else int(np.argmin(points.chi2))
+    return _ended(points, best, len(ends) == sum(points.good[numbers]), message, steps)
+
+
+def _ended(points: Points, best: int, converged: bool, message: str, steps: F64) -> Found:
+    """The end of a search with the slopes at its best point."""
+    points.limited = False
+    return Found(best, converged, message, *_slopes(points, best, steps))
+
+
+def differential_evolution(points: Points) -> Found:
+    """scipy's differential evolution; a generation is computed at once."""
+    optimize = _needs("scipy.optimize", "scipy")
+    calibration = points.calibration
+    n, size = len(calibration.axes), calibration.first_points
+    converged = False
+    try:
+        found = optimize.differential_evolution(
+            lambda shares: _chi2(points, shares.T),
+            [(0.0, 1.0)] * n,
+            init=np.vstack([calibration.first, _sampled(points, size - 1)]),
+            maxiter=max(1, calibration.points // size),
+            updating="deferred",
+            vectorized=True,
+            polish=False,
+            rng=calibration.seed,
+        )
+        converged, message = bool(found.success), str(found.message)
+    except Exhausted:
+        message = f"the search ended after its {calibration.points} points; raise search.points"
+    points.limited = False
+    best = int(np.argmin(points.chi2))
+    return _ended(points, best, converged, message, _steps(points, points.shares[best]))
+
+
+def gaussian_process(points: Points) -> Found:
+    """Expected improvement by a Gaussian process of the residuals, by scikit-learn.
+
+    The best point is where the process has the least chi squared; of runs without noise, the best one that was computed.
+    """
+    calibration = points.calibration
+    n = len(calibration.axes)
+    points.at(np.vstack([calibration.first, _sampled(points, calibration.first_points - 1)]))
+    samples = _sampled(points, SAMPLES)
+    while len(points.shares) < calibration.points:
+        gain, share = Process(points).most_promising(samples)
+        count = len(points.shares)
+        if gain >= _enough(points):
+            points.at(share)
+        if len(points.shares) == count:  # nothing to be gained, or a point that is known already
+            break
+    points.limited = False
+    for _ in range(REFINED):
+        best = points.at(Process(points).least(samples))[0]
+    process = Process(points)
+    gain = process.most_promising(samples)[0]
+    if calibration.seeds == 1:
+        best = int(np.argmin(points.chi2))
+    centre = points.shares[best]
+    jacobian = np.zeros((len(points.measured), n))
+    for k in range(n):
+        low, high = _sides(centre, k, calibration.difference or STEP)
+        jacobian[:, k] = (process.mean(high) - process.mean(low))[0] / (high[k] - low[k])
+    noise = process.deviation(centre)[0]
+    message = f"another point is expected to lower chi squared by {gain:.2g}"
+    floor = 2 * float(np.linalg.norm(noise))
+    by = "slopes of the fitted Gaussian process"
+    return Found(best, gain < SETTLED * _enough(points), message, jacobian, floor, by, noise)
+
+
+def _enough(points: Points) -> float:
+    """The expected improvement that is not worth a point: more where noise adds to chi squared."""
+    noise = np.sum((points.noise[points.good] / points.sigma) ** 2, axis=1)
+    return IMPROVEMENT * max(1.0, float(noise.mean()))
