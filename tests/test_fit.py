@@ -163,7 +163,7 @@ class TestWhatTheDataDoNotTell:
 
 
 #: Velocities scatter by the seed and by the parameter, so that finite differences see it.
-NOISY = {"cue.velocity.x": "= p + 0.05*sin(777*seed + 54321*p)"}
+NOISY = {"cue.velocity.x": "= p + 0.05*sin(777*seed^2 + 54321*p*sqrt(seed))"}
 
 
 class TestNoise:
@@ -184,6 +184,19 @@ class TestNoise:
         assert 0.005 < (high - low) / 2 < 0.1
         if search != "gaussian_process":
             assert "chosen by the noise" in found.summary["interval_by"]
+
+    @pytest.mark.long
+    @pytest.mark.parametrize("search", ["least_squares", "gaussian_process"])
+    def test_intervals_of_noisy_runs_hold_the_truth(self, search: str, free: Path) -> None:
+        """20 kinds of noise: fewer than 16 intervals of 95 % would hold the truth in 3 of 1000 such tests."""
+        held = 0
+        for k in range(20):
+            set_ = {"cue.velocity.x": NOISY["cue.velocity.x"].replace("777", str(777 + 13 * k))}
+            parameters = {"p": (0.5, 2.0), "seed": {"seeds": 4}}
+            found = fitted(free, parameters, [end(0.02, 1e-4)], str(k), search=search, set=set_, points=40)
+            low, high = found.interval["p"]  # type: ignore[misc]
+            held += low < 1.0 < high
+        assert held >= 16
 
     @pytest.mark.long
     def test_the_rolling_radius_of_a_small_heap(self, tmp_path: Path) -> None:
@@ -229,6 +242,16 @@ class TestFailures:
 
         with pytest.raises(CaromError, match="measure_failed: measure: RuntimeError: no heap here"):
             fitted(free, {"v": (0.5, 1.5)}, [end(0.02, 1e-4)], measure=broken)
+
+    def test_a_slope_between_failures_is_refused(self, free: Path) -> None:
+        def only_here(result: carom.Result) -> dict[str, float]:
+            assert result["cue"].velocity[0, 0] == 1.0, "not here"
+            return {}
+
+        with pytest.raises(
+            CaromError, match=r"runs on both sides of v = 1 fail.*give a smaller search.difference"
+        ):
+            fitted(free, {"v": (0.5, 1.5)}, [end(0.02, 1e-4)], measure=only_here)
 
     def test_a_search_that_runs_out_of_points_says_so(self, free: Path) -> None:
         found = fitted(free, {"v": (0.5, 1.5)}, [end(0.021, 1e-4)], points=3)

@@ -29,9 +29,9 @@ def curves(fit: Fit) -> Chart:
         grid = figure.subplots(len(chosen), 2, squeeze=False, width_ratios=(3, 2))
         for (axis, rest), name in zip(grid, chosen, strict=True):
             rows = np.flatnonzero(table["quantity"] == name)
-            x, y, sigma, found, left = (
+            x, y, sigma, found, noise, left = (
                 table[key][rows]
-                for key in ("time", "measured", "uncertainty", "fitted", "residual over uncertainty")
+                for key in ("time", "measured", "uncertainty", "fitted", "noise", "residual over uncertainty")
             )
             curve = bool(np.isfinite(x).all())
             x = x if curve else np.arange(1.0, len(rows) + 1)
@@ -39,8 +39,11 @@ def curves(fit: Fit) -> Chart:
             axis.errorbar(
                 x, y, sigma, fmt=".", color=COLOURS[0], markersize=3, linewidth=0.8, label="measured"
             )
-            style = {"linestyle": "-"} if curve else {"linestyle": "", "marker": "x"}
-            axis.plot(x[order], found[order], color=COLOURS[1], label="fitted", **style)
+            style = "-" if curve else "x"
+            shown = noise[order] if noise.any() else None
+            axis.errorbar(
+                x[order], found[order], shown, fmt=style, color=COLOURS[1], linewidth=0.9, label="fitted"
+            )
             axis.set_ylabel(name)
             rest.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
             rest.plot(x, left, ".", color=COLOURS[0], markersize=3)
@@ -76,7 +79,7 @@ def path(points: Points) -> Chart:
             axis.plot(order[~points.good], values[~points.good, k], "x", color=COLOURS[1], markersize=4)
             axis.set_ylabel(name)
             bounds = points.calibration.axes[k]
-            axis.set_ylim(bounds.low, bounds.high)
+            axis.set_ylim(*bounds.at(np.array([-0.05, 1.05])))
             if bounds.log:
                 axis.set_yscale("log")
         axes[-1].set_xlabel("point")

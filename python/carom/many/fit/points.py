@@ -80,6 +80,11 @@ class Points:
         """Points whose runs all ended."""
         return np.isfinite(self.chi2)
 
+    @property
+    def scatter(self) -> F64:
+        """Standard error of a point over the uncertainties, (data,): the root mean square over all points."""
+        return np.asarray(np.sqrt(np.mean(self.noise[self.good] ** 2, axis=0)) / self.sigma)
+
     def at(self, shares: F64) -> list[int]:
         """Numbers of the points at these shares, (k, parameters): all that are new are computed at once."""
         shares = np.atleast_2d(shares)

@@ -38,7 +38,7 @@ class Process:
         self._offset, spread = residuals.mean(axis=0), residuals.std(axis=0)
         self._scale = np.where(spread > 0, spread, 1.0)
         # The seeds tell the noise of the runs; without them it is fitted.
-        known = float(np.mean((points.noise[good] / points.sigma / self._scale) ** 2))
+        known = float(np.mean((points.scatter / self._scale) ** 2))
         white = gp.kernels.WhiteKernel(1e-4, NOISE) if known == 0 else gp.kernels.WhiteKernel(1e-10, "fixed")
         matern = gp.kernels.Matern(np.ones(n), LENGTHS, nu=2.5)
         self._process: Any = gp.GaussianProcessRegressor(

@@ -65,8 +65,7 @@ class Fit:
     def __init__(self, points: Points, found: Found) -> None:
         self.calibration, self._points, self._found = points.calibration, points, found
         self._residuals = points.residuals[found.best]
-        seeds = points.noise[found.best] / points.sigma
-        noise = seeds if found.noise is None else found.noise
+        noise = points.scatter if found.noise is None else found.noise
         self._told = told(found.jacobian, self._residuals, noise, points.shares[found.best], found.floor)
 
     @property

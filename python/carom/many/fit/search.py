@@ -47,7 +47,7 @@ class Found:
     """Singular values of the Jacobian up to here may be errors of its own."""
     jacobian_by: str
     noise: F64 | None = None
-    """Standard deviation of the predicted residuals; None: those of the best point's seeds."""
+    """Standard deviation of the predicted residuals; None: the scatter of the seeds."""
 
 
 def search(points: Points) -> Found:
@@ -81,9 +81,9 @@ def _steps(points: Points, centre: F64) -> F64:
         for step in NOISY_STEPS:
             sides = _sides(centre, k, step)
             low, high = points.at(np.array(sides))
-            change = points.predicted[high] - points.predicted[low]
-            noise = np.hypot(points.noise[high], points.noise[low])
-            if np.sum(change**2) > SIGNAL**2 * np.sum(noise**2):
+            change = points.residuals[high] - points.residuals[low]
+            noise = (points.noise[high] ** 2 + points.noise[low] ** 2) / points.sigma**2
+            if np.sum(change**2) > SIGNAL**2 * np.sum(noise):
                 steps[k] = step
                 break
     return steps
@@ -117,7 +117,7 @@ def _jacobian(points: Points, centre: F64, steps: F64) -> F64:
             value = points.calibration.values(centre)[k]
             raise CaromError(
                 f"runs on both sides of {name} = {value:g} fail, so no slope is known; give a smaller search.difference,"
-                " or search.kind = differential_evolution"
+                " or other bounds"
             )
         width = points.shares[high, k] - points.shares[low, k]
         columns.append((points.residuals[high] - points.residuals[low]) / width)
@@ -130,8 +130,9 @@ def _slopes(points: Points, best: int, steps: F64) -> tuple[F64, float, str]:
     jacobian = _jacobian(points, centre, steps)
     told = ", ".join(f"{step:.3g}" for step in steps)
     if points.calibration.seeds > 1:
-        noise = np.sqrt(2 * np.sum((points.noise[best] / points.sigma) ** 2)) / (2 * steps.min())
-        return jacobian, float(noise), f"central differences over {told} of the ranges, chosen by the noise"
+        noise = np.sqrt(2 * np.sum(points.scatter**2)) / (2 * steps.min())
+        why = ", chosen by the noise" if points.calibration.difference is None else ""
+        return jacobian, float(noise), f"central differences over {told} of the ranges{why}"
     finer = _jacobian(points, centre, steps / 2)
     error = float(np.linalg.norm(jacobian - finer, 2))
     return finer, error, f"central differences over {steps.max() / 2:.3g} of the ranges"
@@ -235,5 +236,4 @@ def gaussian_process(points: Points) -> Found:
 
 def _enough(points: Points) -> float:
     """The expected improvement that is not worth a point: more where noise adds to chi squared."""
-    noise = np.sum((points.noise[points.good] / points.sigma) ** 2, axis=1)
-    return IMPROVEMENT * max(1.0, float(noise.mean()))
+    return IMPROVEMENT * max(1.0, float(np.sum(points.scatter**2)))
