@@ -439,6 +439,8 @@ class TestCommand:
         assert done.exit_code == 0, done.stderr
         assert done.stdout.startswith("e   0.8998")
         assert len(done.stdout.splitlines()) < 12
+        page = (EXAMPLE.parent.parent / "docs" / "reference" / "fit.md").read_text("utf-8")
+        assert [line for line in done.stdout.splitlines()[:4] if line not in page] == []
         for name in ("fit.json", "residuals.csv", "plots/fit.png", "plots/search.png", "plots/search.csv"):
             assert (tmp_path / "fit" / name).is_file()
         document = json.loads(CliRunner().invoke(app, [*command, "--json"]).stdout)
