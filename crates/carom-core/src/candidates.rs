@@ -6,7 +6,7 @@ use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::wall::places::{proximity, Walls};
-use carom_geom::{sphere_plane, tangent_frame};
+use carom_geom::{same_contact, sphere_plane, tangent_frame};
 use carom_solve::{team, Bounds};
 use glam::DVec3;
 
@@ -29,8 +29,8 @@ pub(crate) fn list(model: &Model, state: &State, scratch: &mut Scratch) -> Resul
 
 /// A pair that is near, with the gap (m) at the positions that were asked for and the law of its materials.
 #[derive(Clone, Copy)]
-struct NearPair {
-    pair: (u32, u32),
+pub(crate) struct NearPair {
+    pub pair: (u32, u32),
     gap: f64,
     law: u32,
 }
@@ -39,7 +39,7 @@ struct NearPair {
 pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     let (pairs, margin) = (scratch.neighbours.pairs(), CANDIDATE_MARGIN);
-    if pairs.len() <= PAIRS {
+    if pairs.len() <= PAIRS && model.meshes.is_empty() {
         let mut count = 0;
         for &pair in pairs {
             if let Some(near) = near(model, state, walls, position, pair, margin)? {
@@ -54,10 +54,7 @@ pub(crate) fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Resul
         return Ok(());
     }
     let found = for_each_share(model, pairs, |pairs, found| {
-        for &pair in pairs {
-            found.extend(near(model, state, walls, position, pair, margin)?);
-        }
-        Ok(())
+        near_pairs(model, state, walls, position, pairs, margin, found)
     })?;
     // Contacts are large: each is written where it stays.
     contacts.resize(found.iter().map(Vec::len).sum(), Contact::default());
@@ -80,12 +77,86 @@ fn for_each_share(
     pairs: &[(u32, u32)],
     look: impl Fn(&[(u32, u32)], &mut Vec<NearPair>) -> Result<(), Failure> + Sync,
 ) -> Result<Vec<Vec<NearPair>>, Failure> {
-    let shares = pairs.chunks(PAIRS).collect();
+    let shares = match model.meshes.is_empty() {
+        true => pairs.chunks(PAIRS).collect(),
+        false => whole_rows(pairs),
+    };
     let found = team::map(model.options.threads as usize, shares, |pairs| {
         let mut found = Vec::new();
         look(pairs, &mut found).map(|()| found)
     });
     found.into_iter().collect()
+}
+
+/// Shares of the pairs that hold all pairs of a sphere.
+fn whole_rows(pairs: &[(u32, u32)]) -> Vec<&[(u32, u32)]> {
+    let (mut shares, mut rest) = (Vec::new(), pairs);
+    while let Some(last) = rest.get(PAIRS) {
+        let (share, behind) = rest.split_at(rest.partition_point(|pair| pair.0 <= last.0));
+        shares.push(share);
+        rest = behind;
+    }
+    shares.push(rest);
+    shares
+}
+
+/// Adds the pairs whose gap at `position` is below `margin r_c`, with all pairs of each sphere in one call: parts of meshes are
+/// found by several triangles, and once.
+pub(crate) fn near_pairs(
+    model: &Model,
+    state: &State,
+    walls: &Walls,
+    position: &[DVec3],
+    pairs: &[(u32, u32)],
+    margin: f64,
+    found: &mut Vec<NearPair>,
+) -> Result<(), Failure> {
+    for row in pairs.chunk_by(|a, b| a.0 == b.0) {
+        let first = found.len();
+        for &pair in row {
+            found.extend(near(model, state, walls, position, pair, margin)?);
+        }
+        if !model.meshes.is_empty() {
+            once(model, walls, position, first, found);
+        }
+    }
+    Ok(())
+}
+
+/// Sorts the pairs of a sphere from the `first` on by key, and leaves one of those that are the same contact with a mesh.
+fn once(model: &Model, walls: &Walls, position: &[DVec3], first: usize, found: &mut Vec<NearPair>) {
+    let simple = model.spheres() + model.simple_walls();
+    let first = first + found[first..].partition_point(|near| (near.pair.1 as usize) < simple);
+    found[first..].sort_unstable_by_key(|near| near.pair);
+    let at = |near: &NearPair| {
+        let (a, b) = near.pair;
+        walls.meet(model, a, b, position[a as usize])
+    };
+    let mut kept = first;
+    for k in first..found.len() {
+        let (pair, met) = (found[k].pair, at(&found[k]));
+        let (wall, r) = (model.wall(pair.1).given, model.radius[pair.0 as usize]);
+        let again = |other: &NearPair| {
+            model.wall(other.pair.1).given == wall && same_contact(&at(other), &met, r)
+        };
+        if !found[first..kept].iter().any(again) {
+            found[kept] = found[k];
+            kept += 1;
+        }
+    }
+    found.truncate(kept);
+}
+
+/// The contact of a near pair.
+pub(crate) fn contact(
+    model: &Model,
+    state: &State,
+    walls: &Walls,
+    near: &NearPair,
+) -> Result<Contact, Failure> {
+    let mut c = Contact::default();
+    begin(model, state, walls, near, &mut c)?;
+    Ok(c)
 }
 
 /// Adds the contact of a pair if its gap at `position` is below `margin r_c`; false: it is not.
@@ -102,9 +173,7 @@ pub(crate) fn push_candidate(
     let Some(near) = near(model, state, walls, position, pair, margin)? else {
         return Ok(false);
     };
-    let mut c = Contact::default();
-    begin(model, state, walls, &near, &mut c)?;
-    contacts.push(c);
+    contacts.push(contact(model, state, walls, &near)?);
     Ok(true)
 }
 
@@ -124,11 +193,18 @@ fn near(
     if !state.present[i] || state.present.get(j) == Some(&false) {
         return Ok(None);
     }
+    let mut pair = pair;
     let gap;
     if j >= n {
         gap = match model.walls[j - n].fixed_plane() {
             Some((point, normal)) => sphere_plane(position[i], ra, point, normal).gap,
-            None => walls.meet(model, pair.0, pair.1, position[i]).gap,
+            None => {
+                match walls.part(model, pair, position[i], margin * ra) {
+                    Some(wall) => pair.1 = wall,
+                    None => return Ok(None),
+                }
+                walls.meet(model, pair.0, pair.1, position[i]).gap
+            }
         };
         if gap > margin * ra {
             return Ok(None);
@@ -281,6 +357,12 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
     let (contacts, position) = (&mut scratch.contacts, &scratch.position);
     let (walls, linear) = (&scratch.walls, &scratch.linear);
     let found = for_each_share(model, scratch.neighbours.pairs(), |pairs, found| {
+        if !model.meshes.is_empty() {
+            near_pairs(model, state, walls, position, pairs, margin, found)?;
+            let known = |near: &NearPair| contacts.binary_search_by_key(&near.pair, |c| (c.a, c.b));
+            found.retain(|near| known(near).is_err());
+            return Ok(());
+        }
         // Both lists are sorted by key.
         let from = match pairs.first() {
             Some(first) => contacts.partition_point(|c| (c.a, c.b) < *first),
@@ -312,8 +394,7 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
         None => DVec3::ZERO,
     };
     let joined = |near: &NearPair| {
-        let mut c = Contact::default();
-        begin(model, state, walls, near, &mut c)?;
+        let mut c = contact(model, state, walls, near)?;
         c.gap_check = proximity(model, walls, &c, smooth(c.a), smooth(c.b)).gap;
         Ok(c)
     };

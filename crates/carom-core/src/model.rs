@@ -5,11 +5,12 @@ use crate::force::Load;
 use crate::held_apart::HeldApart;
 use crate::joint::Joint;
 use crate::options::Options;
-use crate::wall::Wall;
+use crate::wall::{MeshWall, Wall};
 use carom_geom::Periodic;
 use carom_laws::Scalar;
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Law of a pair of materials.
@@ -79,6 +80,8 @@ pub struct Model {
     pub material: Vec<u32>,
     /// Bodies N..: planes, then the other walls.
     pub walls: Vec<Wall>,
+    /// Which of these are meshes; the last ones.
+    pub meshes: Vec<MeshWall>,
     /// Whether impulses on walls are summed up: some wall moves, or it was asked for.
     pub record_walls: bool,
     pub drop_impacts: bool,
@@ -126,10 +129,52 @@ impl Model {
     /// Number of walls whose impulses are summed up: all or none.
     pub fn recorded_walls(&self) -> usize {
         if self.record_walls {
-            self.walls.len()
+            self.given_walls()
         } else {
             0
         }
+    }
+
+    /// Number of walls that are of no mesh; they come first.
+    pub fn simple_walls(&self) -> usize {
+        self.meshes
+            .first()
+            .map_or(self.walls.len(), |m| m.walls.start)
+    }
+
+    /// Which walls are those of meshes, and how many of them are triangles.
+    pub fn mesh_spans(&self) -> Vec<(Range<usize>, usize)> {
+        let span = |m: &MeshWall| (m.walls.clone(), m.mesh.triangles());
+        self.meshes.iter().map(span).collect()
+    }
+
+    /// Number of walls as they were given: a mesh is one.
+    pub fn given_walls(&self) -> usize {
+        self.walls.last().map_or(0, |w| w.given as usize + 1)
+    }
+
+    /// The mesh that a wall belongs to.
+    pub fn mesh_of(&self, body: u32) -> Option<&MeshWall> {
+        let wall = (body as usize).checked_sub(self.spheres())?;
+        let at = self.meshes.partition_point(|m| m.walls.end <= wall);
+        self.meshes.get(at).filter(|m| m.walls.contains(&wall))
+    }
+
+    /// Number of a body outside of the core, where a mesh is one wall.
+    pub fn outside(&self, body: u32) -> u32 {
+        match self.walls.get((body as usize).wrapping_sub(self.spheres())) {
+            Some(wall) => self.spheres() as u32 + wall.given,
+            None => body,
+        }
+    }
+
+    /// Which part of a mesh a body is ([`Mesh::part`]); none of other bodies.
+    ///
+    /// [`Mesh::part`]: carom_geom::Mesh::part
+    pub fn part(&self, body: u32) -> Option<u32> {
+        let wall = (body as usize).checked_sub(self.spheres())?;
+        let mesh = self.mesh_of(body)?;
+        Some(mesh.mesh.part(wall - mesh.walls.start))
     }
 
     /// Wall of a body index beyond the spheres.

@@ -79,6 +79,7 @@ impl Scratch {
         let mut neighbours = NeighbourList::new();
         neighbours.set_periodic(model.periodic);
         neighbours.set_threads(model.options.threads as usize);
+        neighbours.set_meshes(model.mesh_spans());
         neighbours.set_fixed_walls(model.walls.iter().all(|w| w.motion.is_none()));
         Scratch {
             linear: vec![Prediction::default(); n],

@@ -188,7 +188,10 @@ impl Simulation {
             .map(|(x, present)| if *present { *x } else { DVec3::NAN })
             .collect();
         let periodic = &self.model.periodic;
-        carom_geom::overlaps(&places, radius, &walls.now, periodic, tolerance, cap)
+        let meshes = self.model.mesh_spans();
+        carom_geom::overlaps(
+            &places, radius, &walls.now, meshes, periodic, tolerance, cap,
+        )
     }
 
     /// Which contact problems are kept, and those that were.

@@ -21,6 +21,7 @@ pub fn check(model: &Model) -> Result<(), ModelError> {
         (!model.periodic.is_none(), "periodic boxes"),
         (!model.flow.inflows.is_empty(), "inflows"),
         (shapes().any(|s| matches!(s, Shape::Cone(_))), "cones"),
+        (!model.meshes.is_empty(), "meshes"),
         (
             has_varying_friction(model),
             "friction on a level wall that depends on the slip",

@@ -204,8 +204,9 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
                     }
                 }
             }
-            // Refused before (`check.rs`): a cone, and what is no wall.
+            // Refused before (`check.rs`): a cone, a mesh, and what is no wall.
             Shape::Cone(_) | Shape::Sphere { .. } => {}
+            Shape::Triangle(_) | Shape::Sheet(_) | Shape::Line(_) => {}
         }
     }
 

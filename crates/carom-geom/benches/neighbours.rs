@@ -243,6 +243,7 @@ fn main() {
             &scene.x,
             &scene.radius,
             &scene.walls,
+            Vec::new(),
             &Periodic::default(),
             1e-9,
             usize::MAX,

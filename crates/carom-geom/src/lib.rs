@@ -7,6 +7,7 @@
 //! | module | question it answers |
 //! |---|---|
 //! | [`shape`] | what can be touched |
+//! | [`mesh`] | what of a surface of triangles does a sphere meet |
 //! | [`pair`] | how far apart are these two, in which direction, and how does that direction turn |
 //! | [`periodic`] | where are they nearest, if space repeats itself |
 //! | [`tangent`] | which two directions span the contact plane |
@@ -17,6 +18,7 @@
 //! buffers have grown to the size of the problem.
 
 pub mod broad;
+pub mod mesh;
 pub mod pair;
 pub mod periodic;
 pub mod shape;
@@ -24,8 +26,9 @@ pub mod tangent;
 
 pub use broad::{overlaps, Meeting, NeighbourList, Overlap};
 pub use glam::DVec3;
+pub use mesh::{same_contact, BadTriangle, Mesh};
 pub use pair::{proximity, sphere_plane, sphere_sphere, Proximity};
-pub use pair::{Ball, Cone, Cylinder, Disc, Rectangle};
+pub use pair::{Ball, Cone, Cylinder, Disc, Line, Rectangle, Sheet, Triangle};
 pub use periodic::Periodic;
 pub use shape::{Displacement, Shape};
 pub use tangent::tangent_frame;

@@ -6,9 +6,10 @@
 
 use crate::pair;
 use crate::pair::{
-    sphere_ball, sphere_cone, sphere_cylinder, sphere_disc, sphere_plane, sphere_rectangle,
+    sphere_ball, sphere_cone, sphere_cylinder, sphere_disc, sphere_line, sphere_plane,
+    sphere_rectangle, sphere_sheet, sphere_triangle,
 };
-use crate::pair::{Ball, Cone, Cylinder, Disc, Proximity, Rectangle};
+use crate::pair::{Ball, Cone, Cylinder, Disc, Line, Proximity, Rectangle, Sheet, Triangle};
 use glam::{DQuat, DVec3};
 
 /// A shape. A sphere is placed by its body's centre, walls stand where they are. Lengths in metres.
@@ -36,10 +37,14 @@ pub enum Shape {
     Ball(Ball),
     /// The inside or the outside of a frustum.
     Cone(Cone),
+    /// A triangle of a mesh, the plane of a flat piece of it, the line of an edge.
+    Triangle(Triangle),
+    Sheet(Sheet),
+    Line(Line),
 }
 
 /// A rigid displacement: the point `y` moves to `about + shift + turn (y - about)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Displacement {
     /// Rotation about the point `about` (m).
     pub turn: DQuat,
@@ -70,7 +75,8 @@ impl Shape {
     /// Whether it is a piece of a surface, met from both sides.
     pub fn is_sheet(&self) -> bool {
         match self {
-            Shape::Rectangle(_) | Shape::Disc(_) | Shape::Cone(_) => true,
+            Shape::Rectangle(_) | Shape::Disc(_) | Shape::Cone(_) | Shape::Triangle(_) => true,
+            Shape::Sheet(_) | Shape::Line(_) => true,
             Shape::Cylinder(cylinder) => cylinder.half.is_finite(),
             _ => false,
         }
@@ -96,6 +102,9 @@ impl Shape {
             Shape::Cylinder(ref wall) => Some(sphere_cylinder(x, r, wall)),
             Shape::Ball(ref wall) => Some(sphere_ball(x, r, wall)),
             Shape::Cone(ref wall) => Some(sphere_cone(x, r, wall)),
+            Shape::Triangle(ref wall) => Some(sphere_triangle(x, r, wall)),
+            Shape::Sheet(ref wall) => Some(sphere_sheet(x, r, wall)),
+            Shape::Line(ref wall) => Some(sphere_line(x, r, wall)),
         }
     }
 
@@ -119,6 +128,9 @@ impl Shape {
             Shape::Cylinder(ref wall) => pair::sphere_cylinder::distance(x, wall) - r,
             Shape::Ball(ref wall) => sphere_ball(x, r, wall).gap,
             Shape::Cone(ref wall) => pair::sphere_cone::distance(x, wall) - r,
+            Shape::Triangle(ref wall) => sphere_triangle(x, r, wall).gap,
+            Shape::Sheet(ref wall) => sphere_sheet(x, r, wall).gap,
+            Shape::Line(ref wall) => sphere_line(x, r, wall).gap,
         }
     }
 
@@ -133,6 +145,9 @@ impl Shape {
             Shape::Cylinder(wall) => wall.centre,
             Shape::Ball(wall) => wall.centre,
             Shape::Cone(wall) => wall.point,
+            Shape::Triangle(wall) => wall.corners[0],
+            Shape::Sheet(wall) => wall.point,
+            Shape::Line(wall) => wall.point,
         }
     }
 
@@ -168,6 +183,18 @@ impl Shape {
                 point: by.point(wall.point),
                 axis: by.direction(wall.axis),
                 ..wall
+            }),
+            Shape::Triangle(wall) => Shape::Triangle(Triangle {
+                corners: wall.corners.map(|corner| by.point(corner)),
+                normal: by.direction(wall.normal),
+            }),
+            Shape::Sheet(wall) => Shape::Sheet(Sheet {
+                point: by.point(wall.point),
+                normal: by.direction(wall.normal),
+            }),
+            Shape::Line(wall) => Shape::Line(Line {
+                point: by.point(wall.point),
+                along: by.direction(wall.along),
             }),
         }
     }

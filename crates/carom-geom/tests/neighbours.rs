@@ -220,7 +220,7 @@ proptest! {
             scene.check(&list);
             advance(&mut scene, &moves, step);
         }
-        let found = overlaps(&scene.x, &scene.radius, &scene.walls, &scene.periodic, 0.5, usize::MAX);
+        let found = overlaps(&scene.x, &scene.radius, &scene.walls, Vec::new(), &scene.periodic, 0.5, usize::MAX);
         prop_assert!(found.windows(2).all(|w| (w[0].a, w[0].b) < (w[1].a, w[1].b)));
         let n = scene.x.len() as u32;
         let mut at_contact = scene.clone();
@@ -240,7 +240,7 @@ proptest! {
 
     #[test]
     fn overlaps_are_all_found(scene in scene(200, 4.0)) {
-        let found = overlaps(&scene.x, &scene.radius, &scene.walls, &Periodic::default(), 1e-9, usize::MAX);
+        let found = overlaps(&scene.x, &scene.radius, &scene.walls, Vec::new(), &Periodic::default(), 1e-9, usize::MAX);
         let mut at_contact = scene.clone();
         at_contact.need.fill(0.0);
         let inside = |&(a, b): &(u32, u32)| {

@@ -13,21 +13,48 @@ fn touching_is_not_overlapping_and_all_overlaps_are_named() {
         point: DVec3::ZERO,
         normal: DVec3::Z,
     }];
-    let all = overlaps(&x, &[1.0; 3], &walls, &Periodic::default(), 1e-9, 10);
+    let all = overlaps(
+        &x,
+        &[1.0; 3],
+        &walls,
+        Vec::new(),
+        &Periodic::default(),
+        1e-9,
+        10,
+    );
     assert_eq!(
         all.iter().map(|o| (o.a, o.b)).collect::<Vec<_>>(),
         [(1, 2), (2, 3)]
     );
     assert_eq!(all[1].gap, -0.5);
     assert_eq!(
-        overlaps(&x, &[1.0; 3], &walls, &Periodic::default(), 1e-9, 1).len(),
+        overlaps(
+            &x,
+            &[1.0; 3],
+            &walls,
+            Vec::new(),
+            &Periodic::default(),
+            1e-9,
+            1
+        )
+        .len(),
         1
     );
-    assert!(overlaps(&x, &[1.0; 3], &walls, &Periodic::default(), 1e-9, 0).is_empty());
+    assert!(overlaps(
+        &x,
+        &[1.0; 3],
+        &walls,
+        Vec::new(),
+        &Periodic::default(),
+        1e-9,
+        0
+    )
+    .is_empty());
     assert!(overlaps(
         &x[..2],
         &[1.0 + 1e-10; 2],
         &walls,
+        Vec::new(),
         &Periodic::default(),
         1e-9,
         10
@@ -42,6 +69,7 @@ fn a_heap_of_coincident_balls_stops_at_the_cap() {
         &vec![DVec3::ONE; n],
         &vec![0.03; n],
         &[],
+        Vec::new(),
         &Periodic::default(),
         1e-9,
         20,

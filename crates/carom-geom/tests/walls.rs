@@ -69,6 +69,15 @@ fn surface(wall: &Shape, n: usize) -> Vec<DVec3> {
             let radius = w.radius + (w.radius_end - w.radius) * a;
             w.point + a * w.length * w.axis + radius * around(w.axis, b)
         }),
+        Shape::Triangle(w) => grid(&|a, b| {
+            let [p, q, s] = w.corners;
+            p + a * (q - p) + a * b * (s - q)
+        }),
+        Shape::Sheet(w) => {
+            let (u, v) = w.normal.any_orthonormal_pair();
+            grid(&|a, b| w.point + (8.0 * a - 4.0) * u + (8.0 * b - 4.0) * v)
+        }
+        Shape::Line(w) => grid(&|a, _| w.point + (8.0 * a - 4.0) * w.along),
     }
 }
 

@@ -38,9 +38,14 @@ pub fn simulation(model: Model, initial: InitialState) -> Result<Simulation, Mod
 }
 
 fn check(model: &Model) -> Result<(), ModelError> {
-    if !model.joints.is_empty() {
-        let text = "penalty knows no joints; choose nsga, or leave the joints out".to_owned();
-        return Err(ModelError::option("method", text));
+    for (there, what) in [
+        (!model.joints.is_empty(), "joints"),
+        (!model.meshes.is_empty(), "meshes"),
+    ] {
+        if there {
+            let text = format!("penalty knows no {what}; choose nsga, or leave the {what} out");
+            return Err(ModelError::option("method", text));
+        }
     }
     for (index, law) in model.laws.iter().enumerate() {
         let e = law.tangential_restitution;

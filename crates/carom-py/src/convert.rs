@@ -89,6 +89,7 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         plane_normal: rows(dict, "plane_normal")?,
         plane_material: ids(dict, "plane_material")?,
         walls: walls::walls(dict)?,
+        meshes: walls::meshes(dict)?,
         wall_motion: walls::motions(dict)?,
         record_walls: walls::wish(dict, "record_walls")?,
         drop_impacts: walls::wish(dict, "drop_impacts")?,

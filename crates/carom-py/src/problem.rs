@@ -3,11 +3,16 @@
 use crate::arrays::{put, Table};
 use crate::dict::dict;
 use carom_core::problem::KeptProblem;
+use carom_core::Model;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// A kept problem; see the stub for its entries.
-pub fn problem_dict<'py>(py: Python<'py>, p: &KeptProblem) -> PyResult<Bound<'py, PyDict>> {
+pub fn problem_dict<'py>(
+    py: Python<'py>,
+    model: &Model,
+    p: &KeptProblem,
+) -> PyResult<Bound<'py, PyDict>> {
     let attempts: Vec<String> = p.attempts.iter().map(ToString::to_string).collect();
     let out = dict! { py,
         "level": p.level.name(),
@@ -32,7 +37,7 @@ pub fn problem_dict<'py>(py: Python<'py>, p: &KeptProblem) -> PyResult<Bound<'py
         out: &out,
         records: &p.bodies,
     };
-    bodies.rows("bodies", |&(a, b)| [a, b].map(i64::from))?;
+    bodies.rows("bodies", |&(a, b)| [a, model.outside(b)].map(i64::from))?;
     put(&out, "bounds", p.bounds.concat(), &[p.bounds.len(), 3])?;
     // A node that is none has an index out of range.
     let at = |node: u32| Some(i64::from(node)).filter(|&n| n < nodes as i64);

@@ -76,7 +76,9 @@ impl Simulation {
     /// Pairs that overlap now: `(a, b, gap)`.
     fn overlaps(&self, tolerance: f64, most: usize) -> Vec<(u32, u32, f64)> {
         let found = self.inner.overlaps(tolerance, most);
-        found.into_iter().map(|o| (o.a, o.b, o.gap)).collect()
+        let outside = |b: u32| self.inner.model.outside(b);
+        let named = found.into_iter().map(|o| (o.a, outside(o.b), o.gap));
+        named.collect()
     }
 
     /// Advances; see the stub for the meaning of the arguments and the tables.
@@ -99,12 +101,14 @@ impl Simulation {
         };
         let inner = &mut self.inner;
         let (outcome, block) = py.detach(|| {
-            let outcome = inner.advance(steps, recording, limit);
+            let mut outcome = inner.advance(steps, recording, limit);
+            for body in outcome.iter_mut().flat_map(|o| &mut o.bodies) {
+                *body = inner.model.outside(*body);
+            }
             (outcome, inner.take_block())
         });
         let out = PyDict::new(py);
         let model = &self.inner.model;
-        let (joints, walls) = (model.joints.len(), model.recorded_walls());
         if !model.flow.is_none() {
             flow::put_events(&out, &block.events)?;
         }
@@ -112,9 +116,9 @@ impl Simulation {
             put_transitions(&out, &block.transitions)?;
         }
         if model.courses {
-            put_impulses(&out, &block.impacts)?;
+            put_impulses(&out, model, &block.impacts)?;
         }
-        put_block(&out, block, model.spheres(), joints, walls)?;
+        put_block(&out, model, block)?;
         match outcome {
             Some(o) => out.set_item("outcome", outcome_dict(py, &o)?)?,
             None => out.set_item("outcome", py.None())?,
@@ -298,7 +302,8 @@ impl Simulation {
         } else {
             keeper.take()
         };
-        taken.iter().map(|p| problem_dict(py, p)).collect()
+        let model = &self.inner.model;
+        taken.iter().map(|p| problem_dict(py, model, p)).collect()
     }
 }
 

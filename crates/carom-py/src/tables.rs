@@ -5,7 +5,7 @@ use crate::dict::dict;
 use carom_core::record::{Block, ContactRecord, ResidualRecord, TimedImpact};
 use carom_core::report::Column;
 use carom_core::transition::Transition;
-use carom_core::{Outcome, StepReport};
+use carom_core::{Model, Outcome, StepReport};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -34,18 +34,13 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
     Ok(out)
 }
 
-pub fn put_block(
-    out: &Bound<'_, PyDict>,
-    b: Block,
-    n: usize,
-    joints: usize,
-    walls: usize,
-) -> PyResult<()> {
+pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<()> {
     let py = out.py();
+    let (n, joints, walls) = (model.spheres(), model.joints.len(), model.recorded_walls());
     let tables = ["contacts", "impacts", "steps", "residuals"].map(|_| PyDict::new(py));
     let [contacts, impacts, steps, residuals] = &tables;
-    put_contacts(contacts, &b.contacts)?;
-    put_impacts(impacts, &b.impacts)?;
+    put_contacts(contacts, model, &b.contacts)?;
+    put_impacts(impacts, model, &b.impacts)?;
     let s = b.steps.len();
     for (name, column) in StepReport::columns(&b.steps) {
         match column {
@@ -100,9 +95,20 @@ pub fn put_transitions(out: &Bound<'_, PyDict>, records: &[Transition]) -> PyRes
     out.set_item("transitions", dict)
 }
 
-fn put_contacts(out: &Bound<'_, PyDict>, records: &[ContactRecord]) -> PyResult<()> {
+/// The bodies of a contact, and where there are meshes which part of one it is with, -1 for none.
+fn put_pairs<T>(table: &Table<T>, model: &Model, key: impl Fn(&T) -> (u32, u32)) -> PyResult<()> {
+    table.rows("body", |r| {
+        [key(r).0, model.outside(key(r).1)].map(i64::from)
+    })?;
+    if !model.meshes.is_empty() {
+        table.column("part", |r| model.part(key(r).1).map_or(-1, i64::from))?;
+    }
+    Ok(())
+}
+
+fn put_contacts(out: &Bound<'_, PyDict>, model: &Model, records: &[ContactRecord]) -> PyResult<()> {
     let table = Table { out, records };
-    table.rows("body", |r| [r.key.0, r.key.1].map(i64::from))?;
+    put_pairs(&table, model, |r| r.key)?;
     table.column("status", |r| r.status)?;
     table.column("gap", |r| r.gap)?;
     table.rows("normal", |r| r.normal.to_array())?;
@@ -116,12 +122,12 @@ fn put_contacts(out: &Bound<'_, PyDict>, records: &[ContactRecord]) -> PyResult<
     table.column("work_spinning", |r| r.work[3])
 }
 
-fn put_impacts(out: &Bound<'_, PyDict>, records: &[TimedImpact]) -> PyResult<()> {
+fn put_impacts(out: &Bound<'_, PyDict>, model: &Model, records: &[TimedImpact]) -> PyResult<()> {
     let table = Table { out, records };
     table.column("step", |r| r.step)?;
     table.column("time", |r| r.time)?;
     table.column("problem", |r| r.impact.problem)?;
-    table.rows("body", |r| [r.impact.a, r.impact.b].map(i64::from))?;
+    put_pairs(&table, model, |r| (r.impact.a, r.impact.b))?;
     table.column("status", |r| r.impact.status)?;
     table.rows("normal", |r| r.impact.normal.to_array())?;
     table.rows("impulse", |r| r.impact.impulse.to_array())?;
@@ -133,7 +139,11 @@ fn put_impacts(out: &Bound<'_, PyDict>, records: &[TimedImpact]) -> PyResult<()>
 
 /// The table of impulses within impacts: points of each contact, `at` the problems of its step so far, with the share of the one at hand;
 /// impulses along the normal since the first problem. What gives impulses at once has the begin and the end of its problem.
-pub fn put_impulses(out: &Bound<'_, PyDict>, records: &[TimedImpact]) -> PyResult<()> {
+pub fn put_impulses(
+    out: &Bound<'_, PyDict>,
+    model: &Model,
+    records: &[TimedImpact],
+) -> PyResult<()> {
     struct Point(u64, f64, [u32; 2], f64, f64);
     let (mut points, mut now, mut sums) = (Vec::new(), (0, 0.0), BTreeMap::new());
     for r in records {
@@ -164,7 +174,7 @@ pub fn put_impulses(out: &Bound<'_, PyDict>, records: &[TimedImpact]) -> PyResul
     };
     table.column("step", |p| p.0)?;
     table.column("time", |p| p.1)?;
-    table.rows("body", |p| p.2.map(i64::from))?;
+    table.rows("body", |p| p.2.map(|body| i64::from(model.outside(body))))?;
     table.column("at", |p| p.3)?;
     table.column("impulse", |p| p.4)?;
     out.set_item("impulses", dict)

@@ -1,12 +1,13 @@
 //! Walls and their motions, from lists of dicts and tuples.
 
-use crate::arrays::item;
+use crate::arrays::{ids, item, rows};
 use crate::coupling::{law, list, refuse, three_laws, vector};
-use carom_core::wall::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
+use carom_core::wall::{Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
 use carom_core::wall::{WallMotion, WallRotation};
 use glam::DVec3;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use std::sync::Arc;
 
 /// Shapes behind the planes, each with its material.
 pub fn walls(dict: &Bound<'_, PyDict>) -> PyResult<Vec<(Shape, u32)>> {
@@ -67,7 +68,32 @@ fn shape(point: DVec3, given: &Bound<'_, PyTuple>) -> PyResult<Shape> {
     })
 }
 
-/// Motions: `(index among all walls, planes first, {...})`.
+/// Meshes behind all other walls: `{"point", "material", "vertices": (n, 3), "triangles": (m, 3)}`, in the place in which they are at the start.
+pub fn meshes(dict: &Bound<'_, PyDict>) -> PyResult<Vec<(Arc<Mesh>, DVec3, u32)>> {
+    list(dict, "meshes")?
+        .iter()
+        .enumerate()
+        .map(|(k, value)| {
+            let given = value.cast::<PyDict>()?;
+            let vertices: Vec<DVec3> = rows::<3>(given, "vertices")?
+                .into_iter()
+                .map(DVec3::from)
+                .collect();
+            let corners = ids(given, "triangles")?;
+            let corners: Vec<[u32; 3]> = corners
+                .chunks_exact(3)
+                .map(|c| [c[0], c[1], c[2]])
+                .collect();
+            let mesh = Mesh::new(&vertices, &corners).map_err(|bad| {
+                refuse(format!("mesh {k}: triangle {} {}", bad.triangle, bad.why))
+            })?;
+            let point = vector(&item(given, "point")?)?;
+            Ok((Arc::new(mesh), point, item(given, "material")?.extract()?))
+        })
+        .collect()
+}
+
+/// Motions: `(index among all walls, planes first, meshes last, {...})`.
 pub fn motions(dict: &Bound<'_, PyDict>) -> PyResult<Vec<(u32, WallMotion)>> {
     list(dict, "wall_motion")?
         .iter()

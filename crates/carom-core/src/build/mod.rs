@@ -8,8 +8,9 @@ mod state;
 use crate::flow::{Inflow, Outlet};
 use crate::force::Load;
 use crate::joint::Joint;
-use crate::wall::{Shape, WallMotion};
+use crate::wall::{Mesh, Shape, WallMotion};
 use carom_laws::Scalar;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Description with plain arrays, as it comes over the border. Shapes: N spheres, P planes, L laws.
@@ -31,7 +32,9 @@ pub struct ModelInput {
     pub plane_material: Vec<u32>,
     /// Walls behind the planes: shape and material.
     pub walls: Vec<(Shape, u32)>,
-    /// Motions of walls, planes counted first.
+    /// Meshes behind them: the point that moments are about, m, and the material.
+    pub meshes: Vec<(Arc<Mesh>, DVec3, u32)>,
+    /// Motions of walls, planes counted first, meshes last.
     pub wall_motion: Vec<(u32, WallMotion)>,
     /// Whether impulses on walls are recorded where no wall moves.
     pub record_walls: bool,

@@ -7,9 +7,10 @@ use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
 use crate::options::Options;
 use crate::outcome::{entry, finite, positive, ModelError};
-use crate::wall::{self, checked, Shape, Wall};
+use crate::wall::{self, checked, MeshWall, Shape, Wall};
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
+use std::sync::Arc;
 
 impl Model {
     /// Checks and compiles. Every refusal names the entry.
@@ -38,7 +39,7 @@ impl Model {
             }
         }
         finite("world", 0, "gravity", &input.gravity)?;
-        let walls = compile_walls(input)?;
+        let (walls, meshes) = compile_walls(input)?;
         let periodic = super::periodic::compile(input, &walls)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
@@ -56,6 +57,7 @@ impl Model {
             courses: input.courses && !input.drop_impacts,
             record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
             walls,
+            meshes,
             periodic,
             flow,
             laws,
@@ -171,7 +173,7 @@ fn check_lengths(input: &ModelInput, n: usize) -> Result<(), ModelError> {
     Ok(())
 }
 
-fn compile_walls(input: &ModelInput) -> Result<Vec<Wall>, ModelError> {
+fn compile_walls(input: &ModelInput) -> Result<(Vec<Wall>, Vec<MeshWall>), ModelError> {
     let mut walls = Vec::with_capacity(input.plane_point.len() + input.walls.len());
     for (p, ((point, normal), material)) in input
         .plane_point
@@ -185,25 +187,40 @@ fn compile_walls(input: &ModelInput) -> Result<Vec<Wall>, ModelError> {
             normal: DVec3::from(*normal),
         };
         let plane = checked(&plane).map_err(|(name, text)| entry("plane", p, name, text))?;
-        walls.push(Wall::new(plane, *material));
+        walls.push(Wall::new(plane, *material, p as u32));
     }
     for (w, (shape, material)) in input.walls.iter().enumerate() {
         let shape = checked(shape).map_err(|(name, text)| entry("wall", w, name, text))?;
-        walls.push(Wall::new(shape, *material));
+        walls.push(Wall::new(shape, *material, walls.len() as u32));
+    }
+    let (simple, mut meshes) = (walls.len(), Vec::new());
+    for (k, (mesh, point, material)) in input.meshes.iter().enumerate() {
+        wall::place("point", *point).map_err(|(name, text)| entry("mesh", k, name, text))?;
+        let (first, given) = (walls.len(), (simple + k) as u32);
+        let parts = mesh.walls().iter();
+        walls.extend(parts.map(|shape| Wall::new(*shape, *material, given)));
+        meshes.push(MeshWall {
+            mesh: Arc::clone(mesh),
+            point: *point,
+            walls: first..walls.len(),
+        });
     }
     for (index, (wall, motion)) in input.wall_motion.iter().enumerate() {
         motion
             .check()
             .map_err(|(quantity, text)| entry("wall motion", index, quantity, text))?;
-        let count = walls.len();
-        let Some(target) = walls.get_mut(*wall as usize) else {
+        let count = simple + meshes.len();
+        if *wall as usize >= count {
             let text = format!("is {wall}; there are {count} walls");
             return Err(entry("wall motion", index, "wall", text));
-        };
-        target.motion = Some(Box::new(motion.clone()));
+        }
+        let motion = Arc::new(motion.clone());
+        for target in walls.iter_mut().filter(|w| w.given == *wall) {
+            target.motion = Some(Arc::clone(&motion));
+        }
     }
     crate::wall::number(&mut walls);
-    Ok(walls)
+    Ok((walls, meshes))
 }
 
 type LawTable = (Vec<ContactLaw>, Vec<u32>, usize);
@@ -211,6 +228,7 @@ type LawTable = (Vec<ContactLaw>, Vec<u32>, usize);
 fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
     let used = input.material.iter().chain(&input.plane_material).copied();
     let used = used.chain(input.walls.iter().map(|w| w.1));
+    let used = used.chain(input.meshes.iter().map(|m| m.2));
     let named = input.laws.iter().flat_map(|(a, b, _)| [*a, *b]);
     let materials = used.chain(named).max().map_or(0, |m| m as usize + 1);
     if materials > 4096 {

@@ -121,12 +121,12 @@ fn place(
     draw: &mut Draw,
 ) -> Option<DVec3> {
     let r = model.radius[body as usize];
-    let n = model.spheres() as u32;
-    let wall_ends = n + model.walls.len() as u32;
     (0..TRIES).find_map(|_| {
         let x = flow.region.point([draw.next(), draw.next(), draw.next()]);
         let free = room.is_free(x, r)
-            && (n..wall_ends).all(|wall| walls.meet(model, body, wall, x).gap >= 0.0);
+            && walls
+                .listed(model)
+                .all(|wall| walls.meet(model, body, wall, x).gap >= 0.0);
         free.then_some(x)
     })
 }

@@ -7,7 +7,7 @@
 
 use super::method::Step;
 use super::{Coefficients, Span};
-use crate::contact::CANDIDATE_MARGIN;
+use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::force::evaluated;
 use crate::force::total::{add_loads, motion_of};
 use crate::level::Demand;
@@ -139,11 +139,11 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
 fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     contacts.clear();
-    for &pair in scratch.neighbours.pairs() {
-        let margin = model.options.touching_tolerance;
-        if !candidates::push_candidate(model, state, walls, position, pair, margin, contacts)? {
-            continue;
-        }
+    let (pairs, margin) = (scratch.neighbours.pairs(), model.options.touching_tolerance);
+    let mut found = Vec::new();
+    candidates::near_pairs(model, state, walls, position, pairs, margin, &mut found)?;
+    for near in &found {
+        contacts.push(candidates::contact(model, state, walls, near)?);
         let last = contacts.len() - 1;
         let c = &mut contacts[last];
         c.closed = true;
@@ -193,15 +193,15 @@ fn overlapping(
     list_pairs(model, state, scratch)?;
     let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     let known = contacts.len();
-    for &pair in scratch.neighbours.pairs() {
-        let listed = contacts[..known]
-            .binary_search_by_key(&pair, |c| (c.a, c.b))
-            .is_ok();
-        if !listed
-            && candidates::push_candidate(model, state, walls, position, pair, margin, contacts)?
-        {
-            let last = contacts.len() - 1;
-            contacts[last].bounds = Bounds::default();
+    let (pairs, mut found) = (scratch.neighbours.pairs(), Vec::new());
+    candidates::near_pairs(model, state, walls, position, pairs, margin, &mut found)?;
+    for near in &found {
+        let listed = contacts[..known].binary_search_by_key(&near.pair, |c| (c.a, c.b));
+        if listed.is_err() {
+            contacts.push(Contact {
+                bounds: Bounds::default(),
+                ..candidates::contact(model, state, walls, near)?
+            });
         }
     }
     contacts.sort_unstable_by_key(|c| (c.a, c.b));

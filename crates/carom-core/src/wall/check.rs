@@ -77,6 +77,10 @@ pub fn checked(shape: &Shape) -> Result<Shape, Refusal> {
                 ..w
             })
         }
+        Shape::Triangle(_) | Shape::Sheet(_) | Shape::Line(_) => {
+            let text = "is a part of a mesh; give the mesh".to_owned();
+            return Err(("shape", text));
+        }
     })
 }
 

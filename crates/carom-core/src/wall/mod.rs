@@ -8,45 +8,60 @@ mod check;
 mod motion;
 pub mod places;
 
-pub use carom_geom::{Ball, Cone, Cylinder, Disc, Rectangle, Shape};
+pub use carom_geom::{BadTriangle, Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
 pub use check::{checked, finite as place, length, positive as size};
 pub use motion::{WallMotion, WallRotation, WallTwist};
 
 use glam::DVec3;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// No entry among the moving walls.
 const FIXED: u32 = u32::MAX;
 
-/// A wall where it stands before any motion.
+/// A wall where it stands before any motion. A mesh is many: its triangles and parts.
 #[derive(Clone, Debug)]
 pub struct Wall {
     pub shape: Shape,
+    /// Number among the walls as they were given, where a mesh is one.
+    pub given: u32,
     pub material: u32,
     /// Fixed tangents of a plane, `normal x tangent1 = tangent2`.
     pub tangent1: DVec3,
     pub tangent2: DVec3,
-    pub motion: Option<Box<WallMotion>>,
+    pub motion: Option<Arc<WallMotion>>,
     /// Place among the moving walls.
     slot: u32,
     fixed_plane: bool,
     steady_plane: bool,
 }
 
+/// A mesh among the walls.
+#[derive(Clone, Debug)]
+pub struct MeshWall {
+    pub mesh: Arc<Mesh>,
+    /// Point that moments on it are about, m; it moves along.
+    pub point: DVec3,
+    /// Which of the walls are its own.
+    pub walls: Range<usize>,
+}
+
 impl Wall {
-    pub fn new(shape: Shape, material: u32) -> Wall {
+    pub fn new(shape: Shape, material: u32, given: u32) -> Wall {
         let (tangent1, tangent2) = match shape {
             Shape::HalfSpace { normal, .. } => carom_geom::tangent_frame(normal),
             _ => (DVec3::ZERO, DVec3::ZERO),
         };
         Wall {
             shape,
+            given,
             material,
             tangent1,
             tangent2,
             motion: None,
             slot: FIXED,
             fixed_plane: matches!(shape, Shape::HalfSpace { .. }),
-            steady_plane: matches!(shape, Shape::HalfSpace { .. }),
+            steady_plane: matches!(shape, Shape::HalfSpace { .. } | Shape::Sheet(_)),
         }
     }
 
@@ -61,10 +76,11 @@ impl Wall {
     pub fn curvature(&self) -> f64 {
         let sign = |inside: bool| if inside { -1.0 } else { 1.0 };
         match self.shape {
-            Shape::Ball(w) => sign(w.inside) / w.radius,
+            Shape::Ball(w) if w.radius > 0.0 => sign(w.inside) / w.radius,
             Shape::Cylinder(w) => 0.5 * sign(w.inside) / w.radius,
             Shape::Cone(w) => sign(w.inside) / (w.radius + w.radius_end),
             Shape::HalfSpace { .. } | Shape::Rectangle(_) | Shape::Disc(_) => 0.0,
+            Shape::Triangle(_) | Shape::Sheet(_) | Shape::Line(_) | Shape::Ball(_) => 0.0,
             Shape::Sphere { .. } => 0.0, // no wall
         }
     }
@@ -101,10 +117,13 @@ impl Wall {
     }
 }
 
-/// Numbers the moving walls.
+/// Numbers the moving walls, as they were given.
 pub(crate) fn number(walls: &mut [Wall]) {
-    let moving = walls.iter_mut().filter(|w| w.motion.is_some());
-    for (slot, wall) in moving.enumerate() {
-        wall.take(slot as u32);
+    let (mut slots, mut last) = (0, None);
+    for wall in walls.iter_mut().filter(|w| w.motion.is_some()) {
+        if last.replace(wall.given) != Some(wall.given) {
+            slots += 1;
+        }
+        wall.take(slots - 1);
     }
 }

@@ -7,13 +7,18 @@ use crate::outcome::{within_bounds, FASTEST};
 use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::motion::{Instant, WallTwist};
-use carom_geom::{sphere_plane, Proximity, Shape};
+use carom_geom::{sphere_plane, Displacement, Proximity, Shape};
 use glam::DVec3;
+use std::ops::Range;
 
 /// A moving wall over a step.
 #[derive(Clone, Copy, Debug, Default)]
 struct Course {
-    wall: u32,
+    /// The walls that move so: those of a mesh, or one.
+    first: u32,
+    count: u32,
+    /// Displacement of the shapes as they were placed at last.
+    by: Displacement,
     start: Instant,
     end: Instant,
     /// At the time that the shapes were placed at last.
@@ -22,6 +27,12 @@ struct Course {
     turn: DVec3,
     /// It has been taken away.
     gone: bool,
+}
+
+impl Course {
+    fn walls(&self) -> Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
 }
 
 /// Places of all walls in a step.
@@ -38,16 +49,22 @@ pub struct Walls {
 impl Walls {
     pub fn new(model: &Model) -> Walls {
         let shapes: Vec<Shape> = model.walls.iter().map(|w| w.shape).collect();
-        let walls = model.walls.iter().enumerate();
-        let moving = walls.filter(|(_, w)| w.motion.is_some());
-        let course = |(index, _)| Course {
-            wall: index as u32,
-            ..Course::default()
-        };
+        let mut courses: Vec<Course> = Vec::new();
+        for (index, wall) in model.walls.iter().enumerate() {
+            match wall.slot().map(|slot| courses.get_mut(slot as usize)) {
+                None => {}
+                Some(Some(course)) => course.count += 1,
+                Some(None) => courses.push(Course {
+                    first: index as u32,
+                    count: 1,
+                    ..Course::default()
+                }),
+            }
+        }
         Walls {
             start: shapes.clone(),
             now: shapes,
-            courses: moving.map(course).collect(),
+            courses,
             span: Span::default(),
         }
     }
@@ -55,25 +72,26 @@ impl Walls {
     /// Moves the walls to a step. Fails with a message where a law gives no number.
     pub fn begin(&mut self, model: &Model, span: Span) -> Result<(), LoadError> {
         self.span = span;
-        if self.courses.is_empty() {
-            return Ok(());
-        }
-        for (index, wall) in model.walls.iter().enumerate() {
-            let Some(motion) = &wall.motion else {
+        for course in &mut self.courses {
+            let index = course.first as usize;
+            let Some(motion) = &model.walls[index].motion else {
                 continue;
             };
             let (from, start) = motion.at(span.start);
             let (to, end) = motion.at_end(span.end);
             let axis = motion.rotation.as_ref().map_or(DVec3::ZERO, |r| r.axis);
-            self.start[index] = wall.shape.moved(&from);
-            self.now[index] = wall.shape.moved(&to);
-            self.courses[wall.slot as usize] = Course {
-                wall: index as u32,
+            for index in course.walls() {
+                self.start[index] = model.walls[index].shape.moved(&from);
+                self.now[index] = model.walls[index].shape.moved(&to);
+            }
+            *course = Course {
+                by: to,
                 start,
                 end,
                 now: end,
                 turn: (end.angle - start.angle) * axis,
                 gone: motion.is_over(span.start, span.h),
+                ..*course
             };
             let slow =
                 within_bounds(end.velocity, end.spin) && within_bounds(start.velocity, start.spin);
@@ -91,13 +109,22 @@ impl Walls {
     /// Puts the shapes of moving walls to another time of the step.
     pub fn place(&mut self, model: &Model, time: f64) {
         for course in &mut self.courses {
-            let wall = &model.walls[course.wall as usize];
-            if let Some(motion) = &wall.motion {
-                let (by, now) = motion.at(time);
-                self.now[course.wall as usize] = wall.shape.moved(&by);
-                course.now = now;
+            if let Some(motion) = &model.walls[course.first as usize].motion {
+                (course.by, course.now) = motion.at(time);
+                for index in course.walls() {
+                    self.now[index] = model.walls[index].shape.moved(&course.by);
+                }
             }
         }
+    }
+
+    /// The walls as bodies, of meshes the triangles alone: what they have besides is nearest where triangles are.
+    pub fn listed<'m>(&self, model: &'m Model) -> impl Iterator<Item = u32> + 'm {
+        let first = |(walls, count): (Range<usize>, usize)| walls.start..walls.start + count;
+        let triangles = model.mesh_spans().into_iter().flat_map(first);
+        (0..model.simple_walls())
+            .chain(triangles)
+            .map(|w| (model.spheres() + w) as u32)
     }
 
     /// Whether any wall moves.
@@ -214,6 +241,30 @@ impl Walls {
         Some([shape + h * along, *turn + h * spin])
     }
 
+    /// What a sphere at `x` may touch of a listed wall within `reach` (m): the wall itself, of a triangle a part of its mesh.
+    pub fn part(&self, model: &Model, (a, b): (u32, u32), x: DVec3, reach: f64) -> Option<u32> {
+        let (wall, r) = (b as usize - model.spheres(), model.radius[a as usize]);
+        if wall < model.simple_walls() {
+            return Some(b);
+        }
+        let mesh = model.mesh_of(b)?;
+        let (first, placed) = (mesh.walls.start, &self.now[mesh.walls.clone()]);
+        if placed[wall - first].clearance(x, r) > reach {
+            return None;
+        }
+        let met = mesh.mesh.met(placed, wall - first, x, r)?;
+        Some((model.spheres() + first + met) as u32)
+    }
+
+    /// Point that moments on wall `b` are about, where it is now.
+    fn point(&self, model: &Model, b: u32) -> DVec3 {
+        match (model.mesh_of(b), self.course(model, b)) {
+            (None, _) => self.now[b as usize - model.spheres()].place(),
+            (Some(mesh), Some(course)) => course.by.point(mesh.point),
+            (Some(mesh), None) => mesh.point,
+        }
+    }
+
     /// Impulse on every wall and its moment about the wall's place, added to `out`; returns the work of moving walls, J:
     /// impulse times the mean of the wall's velocities at both ends of the step.
     pub fn collect(
@@ -232,10 +283,10 @@ impl Walls {
             let i = c.a as usize;
             let (on_ball, normal) = c.impulse();
             let x = position[i];
-            let wall = c.b as usize - model.spheres();
-            let lever = model.periodic.nearest(x - self.now[wall].place()) - model.radius[i] * c.n1;
-            out[wall][0] -= on_ball.impulse;
-            out[wall][1] -= lever.cross(on_ball.impulse) + on_ball.moment;
+            let lever = model.periodic.nearest(x - self.point(model, c.b)) - model.radius[i] * c.n1;
+            let on_wall = &mut out[model.wall(c.b).given as usize];
+            on_wall[0] -= on_ball.impulse;
+            on_wall[1] -= lever.cross(on_ball.impulse) + on_ball.moment;
             let start = self.start_twist(model, c, state.position[i]);
             if let (Some(start), Some(end)) = (start, self.end_twist(model, c, x)) {
                 let mean = start.mean(&end);

@@ -5,6 +5,7 @@ mod common;
 mod curved;
 mod driven;
 mod invariance;
+mod meshes;
 mod records;
 mod sheets;
 

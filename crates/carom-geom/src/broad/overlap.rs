@@ -1,10 +1,11 @@
 //! Start-up check: which bodies of a scene are inside one another?
 
 use super::cell_list::CellList;
+use super::verlet::Meshes;
 use crate::periodic::Periodic;
 use crate::shape::Shape;
 use glam::DVec3;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 /// Two bodies that overlap: `a < b`, wall `w` is body `N + w`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,13 +21,14 @@ pub struct Overlap {
 /// All pairs with `gap < -tol r_c`, where `r_c = min(r_a, r_b)` (`r_a` at a wall), sorted by `(a, b)`, but no
 /// more than `cap` of them.
 ///
-/// Centres `x` (N) (m), radii (N) (m), walls (P), by nearest images in a periodic box. O(N P) and O(N) for spheres that are
+/// Centres `x` (N) (m), radii (N) (m), walls (P), some of meshes as in [`super::NeighbourList::set_meshes`], by nearest images in a periodic box. O(N P) and O(N) for spheres that are
 /// not piled into one another. Where `cap` cuts the list, which pairs remain is deterministic but not meaningful.
 /// The contract takes a gap within `tol = 1e-9` as touching.
 pub fn overlaps(
     x: &[DVec3],
     radius: &[f64],
     walls: &[Shape],
+    meshes: Vec<(Range<usize>, usize)>,
     periodic: &Periodic,
     tol: f64,
     cap: usize,
@@ -51,16 +53,20 @@ pub fn overlaps(
         keep(a, b, p.gap, radius[i].min(radius[j]))
     });
     if spheres.is_continue() {
+        let mut meshes = Meshes::new(meshes);
+        meshes.sort(walls, true);
         // Breaking out only saves work: the list is full.
         let _ = x
             .iter()
             .zip(radius)
             .enumerate()
             .try_for_each(|(i, (&x, &r))| {
-                walls.iter().enumerate().try_for_each(|(w, wall)| {
-                    let gap = wall.meet(x, r).map_or(f64::INFINITY, |p| p.gap);
+                let mut look = |w: usize| {
+                    let gap = walls[w].meet(x, r).map_or(f64::INFINITY, |p| p.gap);
                     keep(i as u32, (radius.len() + w) as u32, gap, r)
-                })
+                };
+                meshes.others(walls.len()).try_for_each(&mut look)?;
+                meshes.around(x, r, look)
             });
     }
     found.sort_unstable_by_key(|o| (o.a, o.b));

@@ -8,18 +8,22 @@
 //! ```
 //!
 //! A wall is listed by its own distance, which changes by no more than the centre moves. One that has moved since is looked
-//! at directly: the list holds as long as every sphere within its need of the wall is on it.
+//! at directly: the list holds as long as every sphere within its need of the wall is on it. Triangles of a mesh are listed as
+//! much farther as spheres are; the list holds as long as none has moved by more (`meshes.rs`).
 //! A body with a negative need is absent: it has no pairs.
 //! `need_i` (m) is what the caller must not miss: how far body `i` may travel before the next call, plus its share
 //! of any gap that has to count as touching.
 
+mod meshes;
 mod search;
 
+pub(super) use self::meshes::Meshes;
 use super::cell_list::CellList;
 use crate::pair::Proximity;
 use crate::periodic::Periodic;
 use crate::shape::Shape;
 use glam::DVec3;
+use std::ops::{ControlFlow, Range};
 
 /// Up to here all pairs are tried at a rebuild: less than sorting them into cells costs.
 const BRUTE_FORCE: usize = 32;
@@ -68,6 +72,7 @@ pub struct NeighbourList {
     pairs: Vec<(u32, u32)>,
     reference: Vec<Reference>,
     walls: Vec<Shape>,
+    meshes: Meshes,
     fixed_walls: bool,
     periodic: Periodic,
     /// Which walls moved between the last two rebuilds: they are listed farther out.
@@ -101,6 +106,7 @@ impl NeighbourList {
             pairs: Vec::new(),
             reference: Vec::new(),
             walls: Vec::new(),
+            meshes: Meshes::default(),
             fixed_walls: false,
             periodic: Periodic::default(),
             moving: Vec::new(),
@@ -122,6 +128,13 @@ impl NeighbourList {
     /// Sets a box in which bodies meet by their nearest images (default: none).
     pub fn set_periodic(&mut self, periodic: Periodic) {
         self.periodic = periodic;
+        self.valid = false;
+    }
+
+    /// Tells which walls are those of meshes (default: none), and how many of them, the first, are triangles. Triangles are listed, and
+    /// searched by place; the others are not.
+    pub fn set_meshes(&mut self, meshes: Vec<(Range<usize>, usize)>) {
+        self.meshes = Meshes::new(meshes);
         self.valid = false;
     }
 
@@ -149,7 +162,7 @@ impl NeighbourList {
         self.valid = false;
     }
 
-    /// Sets the most pairs the list may hold (default 64 per body, at least 65 536).
+    /// Sets the most pairs the list may hold (default 64 per body and one per triangle of meshes, at least 65 536).
     pub fn set_limit(&mut self, pairs: usize) {
         self.limit = Some(pairs);
         self.valid = false;
@@ -212,9 +225,11 @@ impl NeighbourList {
             let slack = reference.extent - need - r;
             good &= (slack >= 0.0) & ((*x - reference.x).length_squared() <= slack * slack);
         }
-        let mut walls = walls.iter().zip(&self.walls).enumerate();
+        let moved = |w: usize| walls[w] != self.walls[w];
+        let mut single = self.meshes.others(walls.len());
         good && (self.fixed_walls
-            || walls.all(|(w, (new, old))| new == old || self.covers(w, new, x, radius, need)))
+            || (single.all(|w| !moved(w) || self.covers(w, &walls[w], x, radius, need))
+                && self.meshes.hold(&self.walls, walls)))
     }
 
     /// Whether every sphere within its need of a wall that has moved is listed with it. A NaN is never covered.
@@ -241,9 +256,10 @@ impl NeighbourList {
         );
         self.walls.clear();
         self.walls.extend_from_slice(walls);
+        self.meshes.sort(walls, self.fixed_walls);
         let limit = self
             .limit
-            .unwrap_or((PAIRS_PER_BODY * x.len()).max(PAIRS_AT_LEAST));
+            .unwrap_or((PAIRS_PER_BODY * x.len() + self.meshes.triangles()).max(PAIRS_AT_LEAST));
         if x.len() <= BRUTE_FORCE {
             self.refer(x, radius, need, self.skin);
             self.try_all(radius, limit);
@@ -251,7 +267,9 @@ impl NeighbourList {
         }
         self.choose_skin();
         self.refer(x, radius, need, self.skin);
-        let sparing = (PAIRS_WITH_SKIN * x.len()).max(PAIRS_AT_LEAST).min(limit);
+        let sparing = (PAIRS_WITH_SKIN * x.len() + self.meshes.triangles())
+            .max(PAIRS_AT_LEAST)
+            .min(limit);
         self.search(radius, sparing);
         if self.truncated {
             self.refer(x, radius, need, 0.0);
@@ -290,6 +308,7 @@ impl NeighbourList {
     /// the mean radius.
     fn refer(&mut self, x: &[DVec3], radius: &[f64], need: &[f64], skin: f64) {
         let mean = radius.iter().sum::<f64>() / radius.len() as f64;
+        self.meshes.margin = (skin * mean).max(0.0);
         let most = if mean > 0.0 { mean } else { f64::INFINITY };
         let in_needs = if skin > 0.0 {
             (SKIN_IN_NEEDS * skin).max(1.0)
@@ -324,11 +343,19 @@ impl NeighbourList {
                     self.pairs.push((a as u32, b as u32));
                 }
             }
-            for (w, (wall, moving)) in self.walls.iter().zip(&self.moving).enumerate() {
-                if reaches_wall(ra, radius[a], wall, *moving) {
+            let from = self.pairs.len();
+            let _ = walls_of(
+                ra,
+                radius[a],
+                &self.walls,
+                &self.moving,
+                &self.meshes,
+                |w| {
                     self.pairs.push((a as u32, (n + w) as u32));
-                }
-            }
+                    ControlFlow::Continue(())
+                },
+            );
+            self.pairs[from..].sort_unstable();
         }
         self.truncated = self.pairs.len() > limit;
         self.pairs.truncate(limit);
@@ -372,13 +399,35 @@ impl NeighbourList {
     }
 }
 
+/// Calls `found` for each wall that a sphere may meet, until it breaks.
+fn walls_of(
+    sphere: &Reference,
+    radius: f64,
+    walls: &[Shape],
+    moving: &[bool],
+    meshes: &Meshes,
+    mut found: impl FnMut(usize) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    for w in meshes.others(walls.len()) {
+        let ahead = if moving[w] { radius } else { 0.0 };
+        if reaches_wall(sphere, radius, &walls[w], ahead) {
+            found(w)?;
+        }
+    }
+    meshes.around(sphere.x, sphere.extent, |w| {
+        if reaches_wall(sphere, radius, &walls[w], meshes.margin) {
+            found(w)?;
+        }
+        ControlFlow::Continue(())
+    })
+}
+
 /// Is the gap within the reach? Generous by the rounding of the gap, so that no later plain comparison finds more. A wall
-/// that moves is listed with a radius more: it comes nearer although the sphere stays.
+/// that moves is listed from `ahead` (m) more on: it comes nearer although the sphere stays.
 #[inline]
-fn reaches_wall(sphere: &Reference, radius: f64, wall: &Shape, moving: bool) -> bool {
+fn reaches_wall(sphere: &Reference, radius: f64, wall: &Shape, ahead: f64) -> bool {
     let away = (sphere.x - wall.place()).abs().element_sum();
     let rounding = 4e-15 * (away + sphere.extent);
-    let ahead = if moving { radius } else { 0.0 };
     sphere.extent >= 0.0
         && wall.clearance(sphere.x, radius) <= sphere.extent - radius + ahead + rounding
 }

@@ -8,6 +8,7 @@ pub(crate) mod sphere_disc;
 mod sphere_plane;
 pub(crate) mod sphere_rectangle;
 mod sphere_sphere;
+pub(crate) mod sphere_triangle;
 pub mod table;
 
 pub use sphere_ball::{sphere_ball, Ball};
@@ -17,6 +18,8 @@ pub use sphere_disc::{sphere_disc, Disc};
 pub use sphere_plane::sphere_plane;
 pub use sphere_rectangle::{sphere_rectangle, Rectangle};
 pub use sphere_sphere::sphere_sphere;
+pub use sphere_triangle::{sphere_line, sphere_sheet, sphere_triangle, Line, Sheet, Triangle};
+pub(crate) use sphere_triangle::{Nearest, SLACK};
 pub use table::proximity;
 
 use glam::DVec3;

@@ -1,13 +1,12 @@
 //! Shape x shape: which pairs are known, and to which file each belongs.
 //!
-//! | A \ B | sphere | half-space | rectangle | disc, ring | cylinder | ball | cone | mesh |
+//! | A \ B | sphere | half-space | rectangle | disc, ring | cylinder | ball | cone | triangle, sheet, line |
 //! |---|---|---|---|---|---|---|---|---|
-//! | sphere | `sphere_sphere` | `sphere_plane` | `sphere_rectangle` | `sphere_disc` | `sphere_cylinder` | `sphere_ball` | `sphere_cone` | later |
-//! | wall | the same, roles exchanged | never | never | never | never | never | never | - |
+//! | sphere | `sphere_sphere` | `sphere_plane` | `sphere_rectangle` | `sphere_disc` | `sphere_cylinder` | `sphere_ball` | `sphere_cone` | `sphere_triangle` |
+//! | wall | the same, roles exchanged | never | never | never | never | never | never | never |
 //!
 //! Walls meet spheres alone. A new wall is a variant of [`Shape`]; its `match`es then do not compile until it is told how.
-//! A mesh will meet a sphere in several places at once: that cell needs a list of [`Proximity`], and with it this
-//! function gets a sibling that takes a sink.
+//! A mesh is many walls: [`crate::mesh`] says which of them a sphere meets.
 
 use super::{sphere_sphere, Proximity};
 use crate::shape::Shape;

@@ -2,7 +2,9 @@
 
 #![allow(dead_code)] // each test file uses its part
 
-use carom_geom::{Ball, Cone, Cylinder, DVec3, Disc, Proximity, Rectangle, Shape};
+use carom_geom::{
+    Ball, Cone, Cylinder, DVec3, Disc, Line, Proximity, Rectangle, Shape, Sheet, Triangle,
+};
 use proptest::prelude::*;
 
 const TOLERANCE: f64 = 1e-7;
@@ -111,5 +113,16 @@ pub fn wall() -> impl Strategy<Value = Shape> {
                     inside,
                 })
             }),
+        (placed(), vector(1.0), vector(1.0)).prop_filter_map("thin", |((corner, _), a, b)| {
+            let across = a.cross(b);
+            (across.length() > 0.1).then(|| {
+                Shape::Triangle(Triangle {
+                    corners: [corner, corner + a, corner + b],
+                    normal: across.normalize(),
+                })
+            })
+        }),
+        placed().prop_map(|(point, normal)| Shape::Sheet(Sheet { point, normal })),
+        placed().prop_map(|(point, along)| Shape::Line(Line { point, along })),
     ]
 }

@@ -1,6 +1,6 @@
 //! The search for the pairs of a list of neighbours: in parts, shared among threads, with one result for any number.
 
-use super::{reaches_wall, NeighbourList};
+use super::{walls_of, NeighbourList};
 use crate::broad::cell_list::Part;
 use crate::broad::share::{cut, share};
 use std::ops::ControlFlow;
@@ -67,6 +67,7 @@ impl NeighbourList {
             reference,
             walls,
             moving,
+            meshes,
             ..
         } = self;
         let n = reference.len();
@@ -94,14 +95,9 @@ impl NeighbourList {
                 Task::Walls(first) => {
                     let some = &reference[first..n.min(first + PART)];
                     some.iter().zip(first..).try_for_each(|(r, a)| {
-                        walls.iter().zip(&*moving).enumerate().try_for_each(
-                            |(w, (wall, moving))| {
-                                if reaches_wall(r, radius[a], wall, *moving) {
-                                    push(a as u32, (n + w) as u32)?;
-                                }
-                                ControlFlow::Continue(())
-                            },
-                        )
+                        walls_of(r, radius[a], walls, moving, meshes, |w| {
+                            push(a as u32, (n + w) as u32)
+                        })
                     })
                 }
             };
