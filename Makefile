@@ -138,7 +138,7 @@ $(STAMPS)/test: $(LOCK) $(STAMPS)/run
 
 # What the machine has packages for: tests of the rest are skipped, with their reason.
 $(STAMPS)/extras: $(LOCK) tools/browser.sh $(STAMPS)/test
-	@tools/setup.sh $@ --optional interop cluster fit export video live rl bench readers
+	@tools/setup.sh $@ --optional interop cluster fit export video live rl mesh bench readers
 	@tools/browser.sh >/dev/null
 
 $(STAMPS)/check: $(LOCK) $(STAMPS)/run

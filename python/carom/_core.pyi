@@ -151,8 +151,10 @@ class Simulation:
     - `("cone", axis, radius, radius_end, length, inside)`: `radius` at the point, `radius_end` at `length` along the axis
 
     Rectangles, discs, finite cylinders and cones are one-sided: a ball whose centre is deeper behind the face than its
-    radius is on the other side and has no contact. `wall_motion` is a list of `(wall, {...})`, `wall` counted over all
-    walls, planes first, with any of
+    radius is on the other side and has no contact. Behind these come those of the list `meshes`: `{"vertices": (V,3), m,
+    "triangles": (T,3), "point": (3,), "material": int}`, `point` what moments are about; where there are any, tables
+    of contacts and impacts have `part`. `wall_motion` is a list of `(wall, {...})`, `wall` counted over all walls, planes
+    first, meshes last, with any of
 
     - `"translation": [law, law, law]`, displacement from the given place, m
     - `"rotation": (axis, point, law)`, angle from the given place about a unit axis, rad; the translation takes the axis

@@ -17,7 +17,7 @@ export interface Plane {
 /** A wall that is no resting plane; what its shape does not have is left out. */
 export interface Wall {
   name: string;
-  shape: "plane" | "rectangle" | "disc" | "cylinder" | "sphere" | "cone";
+  shape: "plane" | "rectangle" | "disc" | "cylinder" | "sphere" | "cone" | "mesh";
   point: Vec;
   /** Of what is flat the normal. */
   axis?: Vec;
@@ -29,6 +29,10 @@ export interface Wall {
   end?: number;
   length?: number;
   inside?: boolean;
+  /** Of a mesh: points relative to its own, three numbers each; triangles of three points; sharp edges of two. */
+  vertices?: number[];
+  triangles?: number[];
+  edges?: number[];
   /** Which of the poses, if it moves. */
   pose?: number;
   /** When it is taken away, s. */

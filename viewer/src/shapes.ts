@@ -25,6 +25,7 @@ export function shape(wall: Wall, point: Vec, spacing: number, reach: number): S
   const made = empty();
   if (wall.shape === "rectangle") rectangle(made, wall, point, spacing);
   else if (wall.shape === "disc") disc(made, wall, point, spacing);
+  else if (wall.shape === "mesh") mesh(made, wall, point);
   else revolved(made, wall, point, spacing, reach);
   return made;
 }
@@ -75,6 +76,34 @@ function disc(into: Shape, wall: Wall, point: Vec, spacing: number): void {
     return [add(add(point, u, x), v, y), n, [x / spacing, y / spacing, rim - r, hole > 0 ? r - hole : FAR]];
   };
   for (let i = 0; i < AROUND; i++) quad(into, corner(hole, i), corner(rim, i), corner(rim, i + 1), corner(hole, i + 1));
+}
+
+/** Triangles as they are given; lines stand on the sharp edges alone. */
+function mesh(into: Shape, wall: Wall, point: Vec): void {
+  const [v, t, e] = [wall.vertices!, wall.triangles!, wall.edges!];
+  const name = (a: number, b: number) => `${Math.min(a, b)} ${Math.max(a, b)}`;
+  const sharp = new Set<string>();
+  for (let i = 0; i < e.length; i += 2) sharp.add(name(e[i], e[i + 1]));
+  const at = (k: number): Vec => add(point, [v[3 * k], v[3 * k + 1], v[3 * k + 2]], 1);
+  for (let i = 0; i < t.length; i += 3) {
+    const names = [t[i], t[i + 1], t[i + 2]];
+    const [a, b, c] = names.map(at);
+    const normal = unit(cross(add(b, a, -1), add(c, a, -1)));
+    const corner = (place: Vec, distance: number): Corner => [place, normal, [0.5, 0.5, distance, FAR]];
+    const lines = [0, 1, 2].map((k) => sharp.has(name(names[k], names[(k + 1) % 3])));
+    if (!lines.includes(true)) {
+      push(into, [corner(a, FAR), corner(b, FAR), corner(c, FAR)]);
+      continue;
+    }
+    // From the middle on, so that the distance to each edge is linear.
+    const middle = scale(add(add(a, b, 1), c, 1), 1 / 3);
+    [a, b, c].forEach((from, k, all) => {
+      const to = all[(k + 1) % 3];
+      const out = unit(cross(add(to, from, -1), normal));
+      const away = lines[k] ? dot(add(from, middle, -1), out) : FAR;
+      push(into, [corner(middle, away), corner(from, lines[k] ? 0 : FAR), corner(to, lines[k] ? 0 : FAR)]);
+    });
+  }
 }
 
 /** What a profile (distance along the axis, radius) makes when it turns about the axis. */

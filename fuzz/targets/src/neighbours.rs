@@ -131,6 +131,6 @@ pub fn neighbours(data: &[u8]) {
         periodic,
         ..
     } = &scene;
-    let found = overlaps(x, radius, walls, periodic, 1e-9, 50);
+    let found = overlaps(x, radius, walls, Vec::new(), periodic, 1e-9, 50);
     assert!(found.len() <= 50 && found.iter().all(|o| o.gap < 0.0 && o.a < o.b));
 }

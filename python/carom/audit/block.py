@@ -180,7 +180,7 @@ class Block:
         def column(name: str) -> Any:
             return np.asarray(table[name][low:high])
 
-        body = column("body").astype(np.int64).reshape(-1, 2)
+        body = run.pairs(table, low, high)
         k = np.searchsorted(ends[1:], np.arange(low, high), side="right")
         moved = (column(name) for name in ("impulse", "moment", "position_impulse", "position_moment"))
         impulse, moment, position_impulse, position_moment = moved

@@ -177,7 +177,7 @@ def struck(block: Block) -> Bool:
     table = run.result.impacts
     step = run.impact_step
     low, high = np.searchsorted(step, [block.s0[0] + 1, block.s1[-1] + 1])
-    body = np.asarray(table["body"][low:high]).astype(np.int64).reshape(-1, 2)
+    body = run.pairs(table, int(low), int(high))
     k = np.searchsorted(block.s1, step[low:high])
     many = len(run.names)
     return np.isin((c.k * many + c.a) * many + c.b, (k * many + body[:, 0]) * many + body[:, 1])

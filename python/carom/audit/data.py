@@ -18,13 +18,16 @@ import numpy as np
 from carom import _core
 from carom.arrays import F64, I64, Array, Bool
 from carom.audit.formula import law
+from carom.audit.meshes import Parts
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
 from carom.result.record import Segments
 from carom.result.record.walls import tables
+from carom.result.tables import Table
 from carom.run.result import Result, UnfinishedRun, load
 from carom.scene.assembly.held_apart import HeldApart, held_apart
+from carom.scene.assembly.triangles import Triangles
 from carom.scene.scene import Scene
 from carom.scene.tables.impact_laws import LAWS, ImpactLaw
 from carom.scene.tables.options import MOST_PROBLEMS, loads_once
@@ -86,6 +89,8 @@ class Run:
         self.walls = _walls(self.model)
         for wall in self.walls:
             wall.taken_by_steps(self.h)
+        self.given_walls = len(self.walls)
+        self.parts = Parts(self.walls, self.names, self.bodies)
         self.wall_tables = tables(scene.wall_names, self.model)
         self.joints: list[Any] = list(self.model.get("joints", ()))
         self.loads: list[Any] = list(self.model.get("loads", ()))
@@ -232,6 +237,20 @@ class Run:
         """Steps of the rows of the table of impacts: every block looks there for its own."""
         return np.asarray(self.result.impacts["step"]).astype(np.int64)
 
+    def pairs(self, table: Table, low: int, high: int) -> I64:
+        """Bodies (K, 2) of rows of contacts or impacts; what of a mesh is touched is a wall of its own."""
+        body = np.asarray(table["body"][low:high]).astype(np.int64).reshape(-1, 2)
+        if not self.parts.meshes or "part" not in table.columns:
+            return body
+        return self.parts.of_rows(body, np.asarray(table["part"][low:high]).astype(np.int64))
+
+    def given(self, b: I64) -> I64:
+        """Bodies (K,) with meshes in place of what of them is touched."""
+        owner = np.concatenate(
+            [np.arange(self.bodies), self.bodies + np.array(self.parts.owner, dtype=np.int64)]
+        )
+        return np.asarray(owner[b])
+
     def between(self, a: F64, b: F64) -> F64:
         """`a - b` of places (K, 3), to the nearest image in a periodic world."""
         d = a - b
@@ -327,12 +346,12 @@ class Run:
     @cached_property
     def top_wall_speeds(self) -> F64:
         """(W, N) largest speed of each moving wall at the place of each body at any frame, m/s."""
-        best = np.zeros((len(self.walls), self.bodies))
+        best = np.zeros((self.given_walls, self.bodies))
         size = max(1, 1_000_000 // self.bodies)
         for first in range(0, self.frames, size):
             x = np.asarray(self.result.position[first : first + size])
             time = np.repeat(self.time[first : first + size], self.bodies)
-            for w, wall in enumerate(self.walls):
+            for w, wall in enumerate(self.walls[: self.given_walls]):
                 if wall.travels:
                     for end in (False, True):
                         speed = np.nan_to_num(norm(wall.velocity(time, x.reshape(-1, 3), end=end)[0]))
@@ -370,4 +389,7 @@ def _walls(model: dict[str, Any]) -> list[Surface]:
     planes = zip(model["plane_point"], model["plane_normal"], model["plane_material"], strict=True)
     shapes = [(("plane", normal), point, material) for point, normal, material in planes]
     shapes += [(w["shape"], w["point"], w["material"]) for w in model.get("walls", ())]
+    for mesh in model.get("meshes", ()):
+        made = Triangles(mesh["vertices"], np.asarray(mesh["triangles"]))
+        shapes.append((("mesh", made), mesh["point"], mesh["material"]))
     return [Surface(s, p, int(m), motions.get(k)) for k, (s, p, m) in enumerate(shapes)]

@@ -173,7 +173,7 @@ def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_islan
     run, t = block.run, block.run.loosest
     bodies, walls = _load(block), _walls(block)
     every = np.concatenate([bodies, walls], axis=1)
-    own, all_of = np.maximum(bodies[k, a], every[k, b]), every.max(axis=1)[k]
+    own, all_of = np.maximum(bodies[k, a], every[k, run.given(b)]), every.max(axis=1)[k]
     largest = block.over(run.steps[contacts])[k]
     by_speed = t["closing_tolerance_speed"] * np.maximum(_fastest(block)[k], all_of)
     return np.asarray(np.maximum(run.load_share(largest) * own, by_speed))
@@ -200,8 +200,8 @@ def _load(block: Block) -> F64:
 
 def _walls(block: Block) -> F64:
     """(B, W) change of each moving wall's velocity in a step, m/s."""
-    run, found = block.run, np.zeros((block.count, len(block.run.walls)))
-    for w, wall in enumerate(run.walls):
+    run, found = block.run, np.zeros((block.count, block.run.given_walls))
+    for w, wall in enumerate(run.walls[: run.given_walls]):
         if wall.travels:
             p = np.broadcast_to(wall.point, (block.count, 3))
             before = wall.velocity(block.t1 - run.h, p)[1]

@@ -57,7 +57,7 @@ def of_block(block: Block) -> Hits:
     def column(name: str) -> F64:
         return np.asarray(table[name][low:high])
 
-    body = column("body").astype(np.int64).reshape(-1, 2)
+    body = block.run.pairs(table, int(low), int(high))
     k = np.searchsorted(block.s1, step[low:high])
     numbers = (
         column(n) for n in ("normal", "impulse", "moment", "approach", "separation", "restitution_scale")

@@ -343,7 +343,8 @@ def _turned(block: Block, j: int, body: int, arm: float) -> F64:
 def solved_again(block: Block) -> F64:
     """(B,) by how much what turned bodies may be off, N s^2: their loads are solved with the normals where the smooth motion
     ends, and those of velocities, which are on record, again with the last ones. Impulses change by the momenta that the
-    turn of these normals brings across, and by what loads that depend on the motion change by.
+    turn of these normals brings across, by what a wall that turns is faster where the body has been moved to, and by what loads
+    that depend on the motion change by.
     """
     run, c = block.run, block.rows
     if not run.loads_once:
@@ -353,8 +354,13 @@ def solved_again(block: Block) -> F64:
     fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
         norm(block.w0), norm(block.w1)
     )
-    turned = np.minimum(together(block, moved) * curvature(block), 1.0)
+    way = together(block, moved)
+    turned = np.minimum(way * curvature(block), 1.0)
     each = turned * together(block, run.mass * (fast + run.h * norm(run.gravity)))
+    for k in np.unique(c.b[c.b >= run.bodies]):
+        rows = np.flatnonzero(c.b == k)
+        turning = run.walls[k - run.bodies].turning(block.t1[c.k[rows]])
+        each[rows] += turning * way[rows] * run.mass[c.a[rows]]
     again = np.nan_to_num(of_loads(block).alone_slack)
     changed = (again[..., 0] + again[..., 1] / run.radius).sum(axis=1)
     return np.asarray(run.h * (changed + np.bincount(c.k, np.nan_to_num(each), minlength=block.count)))

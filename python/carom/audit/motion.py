@@ -221,7 +221,8 @@ def walls(block: Block, tally: Tally) -> None:
         return
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
     rows = c.b >= run.bodies
-    at = (c.k[rows], c.b[rows] - run.bodies)
+    owner = np.array(run.parts.owner, dtype=np.int64)
+    at = (c.k[rows], owner[c.b[rows] - run.bodies])
     add_at(summed, at, -c.impulse[rows])
     add_at(size, at, norm(c.impulse[rows]))
     value = norm(given[..., :3] - summed)
@@ -251,11 +252,13 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
         tally.skip("wall moment", f"contacts move within the step of {run.method}", "use nsga", block.count)
     k, a, b = c.k[rows], c.a[rows], c.b[rows] - run.bodies
     lever = np.zeros((len(k), 3))
-    for w, wall in enumerate(run.walls):
+    for w in range(len(run.walls)):
         mine = b == w
-        lever[mine] = run.between(block.x1[k[mine], a[mine]], wall.place(block.t1[k[mine]]))
+        place = run.walls[run.parts.owner[w]].place(block.t1[k[mine]])
+        lever[mine] = run.between(block.x1[k[mine], a[mine]], place)
     lever = lever - run.radius[a][:, None] * c.normal[rows]
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
+    b = np.array(run.parts.owner, dtype=np.int64)[b]
     add_at(summed, (k, b), -cross(lever, c.impulse[rows]) - c.moment[rows])
     extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
     add_at(size, (k, b), extent * norm(c.impulse[rows]) + norm(c.moment[rows]))

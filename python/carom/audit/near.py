@@ -96,7 +96,10 @@ def _walls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
     run = block.run
     found = [(np.zeros(0, np.int64),) * 3 + (np.zeros(0),)]
     ks, bodies = np.nonzero(block.there)
-    for w, wall in enumerate(run.walls):
+    for w, wall in enumerate(run.walls[: run.given_walls]):
+        if wall.mesh is not None:
+            found.append(_parts(block, w, way))
+            continue
         x = block.x0[ks, bodies]
         gap, _ = wall.meet(block.t0[ks], x, run.radius[bodies])
         reach = way[ks, bodies]
@@ -108,6 +111,18 @@ def _walls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
         found.append((ks[close], bodies[close], np.full(int(close.sum()), run.bodies + w), reach[close]))
     parts = list(zip(*found, strict=True))
     return tuple(np.concatenate(p) for p in parts)  # type: ignore[return-value]
+
+
+def _parts(block: Block, w: int, way: F64) -> tuple[I64, I64, I64, F64]:
+    """What of a mesh is near a ball at the end of the interval."""
+    run, wall = block.run, block.run.walls[w]
+    ks, bodies = np.nonzero(block.there & np.isfinite(block.x1).all(axis=2))
+    radius = run.radius[bodies]
+    x = wall.local(block.t1[ks], block.x1[ks, bodies])
+    row, part = run.parts.near(w, x, radius * (1.0 + MARGIN))
+    there = wall.there(block.t1[ks[row]])
+    row, part = row[there], part[there]
+    return ks[row], bodies[row], run.bodies + part, way[ks[row], bodies[row]] + MARGIN * radius[row]
 
 
 def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
@@ -150,7 +165,7 @@ def _way(run: Run, a: I64, b: I64) -> F64:
     speed = fastest[a] + np.append(fastest, 0.0)[np.minimum(b, run.bodies)]
     on_wall = b >= run.bodies
     # Between frames, where no speed is looked at, a wall may be faster.
-    speed[on_wall] += 2.0 * run.top_wall_speeds[b[on_wall] - run.bodies, a[on_wall]]
+    speed[on_wall] += 2.0 * run.top_wall_speeds[run.given(b[on_wall]) - run.bodies, a[on_wall]]
     return np.asarray(run.h * (speed + norm(run.gravity) * run.h))
 
 

@@ -45,9 +45,9 @@ def _shapes(run: Run, tally: Tally) -> None:
     """As many bodies, walls and joints as the scenario has."""
     segments = run.result._segments
     _count(tally, run.bodies != len(run.model["radius"]), "/bodies")
-    _count(tally, len(run.result.wall_names) != len(run.walls), "/planes and /walls")
+    _count(tally, len(run.result.wall_names) != run.given_walls, "/planes and /walls")
     columns = segments.columns("frames")
-    for name, wanted in (("joint_impulse", len(run.joints)), ("walls", len(run.walls))):
+    for name, wanted in (("joint_impulse", len(run.joints)), ("walls", run.given_walls)):
         if name in columns:
             _count(tally, segments.column("frames", name).shape[1] != wanted, f"/frames/{name}")
 
@@ -69,7 +69,7 @@ def _rows(run: Run, tally: Tally) -> None:
         body = segments.column(table, "body")
         for first in range(0, len(body), ROWS):
             a, b = _whole(body[first : first + ROWS]).reshape(-1, 2).T
-            wrong = (a < 0) | (a >= run.bodies) | (b <= a) | (b >= len(run.names))
+            wrong = (a < 0) | (a >= run.bodies) | (b <= a) | (b >= run.bodies + run.given_walls)
             _count(tally, wrong, f"/{table}/body")
             if table != "impulses":
                 status = _whole(segments.column(table, "status")[first : first + ROWS])

@@ -19,14 +19,13 @@ import numpy as np
 from carom.arrays import Array
 from carom.errors import CaromError
 from carom.result.record import Record
-from carom.result.record.layout import SOMETIMES, TABLES
+from carom.result.record.layout import SOMETIMES, STATIC, TABLES
 from carom.run.result import Result, UnfinishedRun, load
 from carom.run.simulate import RunFailed, simulate
 from carom.scene.scene import Scene
 
 #: Bytes that are compared at a time.
 CHUNK = 32 * 1024 * 1024
-STATIC = ("bodies", "planes", "walls")
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 from carom.arrays import F64, Bool
 from carom.audit.formula import law
 from carom.audit.vectors import dot, norm, rotated, unit
+from carom.scene.assembly.triangles import Triangles
 
 GONE = 1e-9
 """Relative to the time at which a wall is taken away: times of frames are rounded."""
@@ -27,7 +28,13 @@ class Surface:
 
     def __init__(self, shape: Sequence[Any], point: Any, material: int, motion: Mapping[str, Any] | None):
         self.kind = str(shape[0])
-        self.parameters = tuple(np.asarray(p, dtype=np.float64) for p in shape[1:])
+        self.mesh: Triangles | None = shape[1] if self.kind == "mesh" else None
+        """The triangles of a mesh, of which balls touch parts."""
+        self.part = False
+        """Whether it is such a part, which goes on beyond its ends."""
+        numbers = () if self.mesh is not None else shape[1:]
+        self.parameters = tuple(np.asarray(p, dtype=np.float64) for p in numbers)
+        self.motion = motion
         self.point = np.asarray(point, dtype=np.float64)
         self.material = material
         motion = motion or {}
@@ -53,13 +60,15 @@ class Surface:
     @property
     def flat(self) -> bool:
         """A plane without end: its normal does not depend on where it is met."""
-        return self.kind == "plane"
+        return self.kind in ("plane", "sheet")
 
     @property
     def curvature(self) -> float:
         """Largest curvature of the face, 1/m; edges of pieces are sharper than that (infinite)."""
         if self.kind in ("rectangle", "disc"):
             return math.inf
+        if self.part:
+            return 0.0 if self.kind == "sheet" else math.inf
         if self.kind == "sphere":
             return 1.0 / float(self.parameters[0])
         if self.kind == "cylinder":
@@ -196,6 +205,12 @@ class Surface:
         if self.kind == "plane":
             normal = np.broadcast_to(self.parameters[0], away.shape)
             return dot(away, normal) - radius, normal
+        if self.kind == "sheet":
+            height = away @ self.parameters[0]
+            side = np.where(height < 0.0, -1.0, 1.0)
+            return np.abs(height) - radius, np.outer(side, self.parameters[0])
+        if self.mesh is not None:
+            return self.mesh.distance(away + self.point, 4.0 * radius) - radius, np.zeros_like(away)
         if self.kind == "sphere":
             size, inside = self.parameters
             sign = -1.0 if inside else 1.0

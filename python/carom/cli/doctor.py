@@ -131,6 +131,7 @@ TESTS: dict[str, Callable[[], str]] = {
     "fits": _extra("dask", "distributed", "scipy", "scikit-learn"),
     "live view": _extra("viser"),
     "films": _extra("vtk", "imageio-ffmpeg"),
+    "meshes": _extra("trimesh"),
 }
 OPTIONAL = {
     "plots": "pip install 'carom[plot]' for figures",
@@ -140,4 +141,5 @@ OPTIONAL = {
     "fits": "pip install 'carom[fit]' for carom fit",
     "live view": "pip install 'carom[live]' for carom view --live",
     "films": "pip install 'carom[video]' for MP4, GIF and PNG by carom export",
+    "meshes": "pip install 'carom[mesh]' for [[mesh]] from STL, OBJ and PLY files",
 }

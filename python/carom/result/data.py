@@ -36,7 +36,7 @@ from carom.result.tables import (
     Steps,
     Transitions,
 )
-from carom.result.walls import Walls
+from carom.result.walls import Walls, meshes
 from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
 
@@ -160,7 +160,8 @@ class RunData(Frames):
     @cached_property
     def walls(self) -> Walls:
         """All walls by name: `result.walls["drum"].torque`, also `force`, `impulse`, `position`, `orientation`."""
-        return Walls(self, [self._segments.static(table) for table in ("planes", "walls")])
+        rows = [self._segments.static(table) for table in ("planes", "walls")]
+        return Walls(self, rows, meshes(*map(self._segments.static, ("mesh_points", "mesh_triangles"))))
 
     @property
     def plane_names(self) -> list[str]:

@@ -21,6 +21,7 @@ from carom.result.record.walls import PARAMETERS
 from carom.result.tables import UnknownName
 from carom.scene.assembly.distances import gaps
 from carom.scene.assembly.rotations import rotated, rotated_back
+from carom.scene.assembly.triangles import Triangles
 from carom.scene.tables.laws import value_at
 
 if TYPE_CHECKING:
@@ -83,16 +84,32 @@ def _values(law: Sequence[Any], time: F64) -> F64:
     return np.array([value_at(value, float(t)) for t in time])
 
 
+def meshes(points: Mapping[str, Any], triangles: Mapping[str, Any]) -> dict[int, Triangles]:
+    """The meshes among the walls, by number, from their two tables."""
+    if "wall" not in points or "wall" not in triangles:
+        return {}
+    of_point, of_triangle = (np.asarray(table["wall"]) for table in (points, triangles))
+    places = np.asarray(points["position"], dtype=np.float64)
+    corners = np.asarray(triangles["corners"]).astype(np.int64)
+    return {
+        int(k): Triangles(places[of_point == k], corners[of_triangle == k]) for k in np.unique(of_triangle)
+    }
+
+
 class Wall:
     """One wall of a result: `result.walls["drum"].torque` is (T, 3)."""
 
-    def __init__(self, result: RunData, index: int, facts: Mapping[str, Any]) -> None:
+    def __init__(
+        self, result: RunData, index: int, facts: Mapping[str, Any], mesh: Triangles | None = None
+    ) -> None:
         self._result = result
+        self.mesh = mesh
+        """Of a mesh its triangles where they are at the start: `vertices` (V, 3), m, and `corners` (T, 3)."""
         self.index = index
         """Number among all walls, planes first."""
         self.name = str(facts["name"])
         self.shape = str(facts.get("shape", "plane"))
-        """ "plane", "rectangle", "disc", "cylinder", "sphere" or "cone"."""
+        """ "plane", "rectangle", "disc", "cylinder", "sphere", "cone" or "mesh"."""
         self.facts = dict(facts)
         """The row of `result.planes` or of `/walls` of the file: point, axis, radius ..."""
         try:
@@ -138,6 +155,8 @@ class Wall:
         """Name and parameters, as the core has them."""
         if self.shape == "plane":
             return ("plane", self.facts["normal"])
+        if self.mesh is not None:
+            return (self.shape, self.mesh)
         blank = {"length": np.inf, "hole": 0.0}  # a tube without end, a disc without hole
         values = ((name, self.facts[name]) for name in PARAMETERS[self.shape])
         return self.shape, *(
@@ -185,15 +204,17 @@ class Wall:
 
 
 class Walls(Mapping[str, Wall]):
-    """All walls of a result by name, in the order of the core: planes without end first, then the others."""
+    """All walls of a result by name, in the order of the core: planes without end first, meshes last."""
 
-    def __init__(self, result: RunData, tables: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(
+        self, result: RunData, tables: Sequence[Mapping[str, Any]], meshes: Mapping[int, Triangles]
+    ) -> None:
         rows = [
             {key: values[i] for key, values in table.items()}
             for table in tables
             for i in range(len(table["name"]))
         ]
-        self._walls = {str(row["name"]): Wall(result, i, row) for i, row in enumerate(rows)}
+        self._walls = {str(row["name"]): Wall(result, i, row, meshes.get(i)) for i, row in enumerate(rows)}
 
     def __getitem__(self, name: str) -> Wall:
         try:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from carom.arrays import F64
 from carom.scene.assembly.rotations import rotated
+from carom.scene.assembly.triangles import Triangles
 
 if TYPE_CHECKING:
     from carom.export.frames import Selection
@@ -30,6 +31,8 @@ RINGS = 36
 MERIDIANS = 12
 #: Cosine of the angle of two directions from which on they count as parallel.
 PARALLEL = 0.999
+#: Cosine of the angle between two triangles of a mesh up to which the edge between them is drawn.
+CREASE = 0.95
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,11 @@ def surfaces(
             for other in planes
             if other is not wall and (wall.motion.moves or not other.motion.moves)
         ]
+        if wall.mesh is not None:
+            vertices = wall.mesh.vertices - np.asarray(wall.facts["point"])
+            faces = wall.mesh.corners.astype(np.int32)
+            found.append(Surface(wall, vertices, faces, sharp_edges(wall.mesh)))
+            continue
         vertices, faces = wall_mesh(wall.shape, wall.facts, low, high, cuts if wall.shape == "plane" else ())
         if len(faces):
             found.append(Surface(wall, vertices, faces, _lines(wall.shape, wall.facts, vertices, faces)))
@@ -218,6 +226,18 @@ def _lines(shape: str, facts: Mapping[str, Any], vertices: F64, faces: Faces) ->
     along = rings[:, :: ROUND // MERIDIANS]
     found.append(np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1))
     return np.concatenate(found).astype(np.int32)
+
+
+def sharp_edges(mesh: Triangles) -> Faces:
+    """The edges (L, 2) of a mesh where it ends or has a crease."""
+    ends = np.sort(mesh.corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edge, number, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    of = np.repeat(np.arange(len(mesh.corners)), 3)[np.argsort(number.ravel(), kind="stable")]
+    first = np.cumsum(count) - count
+    other = of[np.minimum(first + 1, len(of) - 1)]
+    bend = np.abs(np.sum(mesh.normal[of[first]] * mesh.normal[other], axis=1))
+    found: Faces = edge[(count != 2) | (bend < CREASE)].astype(np.int32)
+    return found
 
 
 def box(selection: Selection) -> tuple[F64, F64]:

@@ -24,8 +24,8 @@ ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
 #: The one column whose rows are not the rows of its table: histories of several contact problems, end to end.
 VALUES = ("residuals", "value")
 
-#: Groups of what does not change in a run; `walls` are there if there are others than planes.
-STATIC = ("bodies", "planes", "walls")
+#: Groups of what does not change in a run; `walls` are there if there are others than planes, the last two with meshes.
+STATIC = ("bodies", "planes", "walls", "mesh_points", "mesh_triangles")
 
 #: Columns of static tables that hold text.
 TEXTS = ("name", "shape", "motion")
@@ -76,10 +76,10 @@ NEEDED = ("step", "every", "gravity")
 POSITIVE = ("radius", "mass", "inertia")
 
 #: Columns that a file may be without.
-OPTIONAL = {"motion", "joint_impulse", "walls", "present"}
+OPTIONAL = {"motion", "joint_impulse", "walls", "present", "part"}
 
 #: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.
-AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2}
+AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2, "3": 3}
 
 
 class Meaning(NamedTuple):
@@ -98,6 +98,11 @@ class Meaning(NamedTuple):
 
 
 _MOTION = "how it moves, as JSON: laws of the time and axes of rotation, nothing where it stands"
+
+_PART = (
+    "what of a mesh is touched, where there are meshes: 7 times a triangle, and 0 for its plane, 1 to 3 for its edge"
+    " from corner 0, 1 or 2 to the next, 4 to 6 for these corners; -1 for other bodies"
+)
 
 MEANINGS: dict[str, Meaning] = {
     "frames/step": Meaning("1", "number of the step after which the frame was taken, 0 for the start"),
@@ -123,6 +128,7 @@ MEANINGS: dict[str, Meaning] = {
         "1",
         "(row, A and B) body indices; B >= number of bodies is wall B - number of bodies, planes first, then /walls",
     ),
+    "contacts/part": Meaning("1", _PART),
     "contacts/status": Meaning(
         "1", "0 open, 1 stick, 2 slip, at the end of the last step in which the contact was closed"
     ),
@@ -153,6 +159,7 @@ MEANINGS: dict[str, Meaning] = {
         "1",
         "(row, A and B) body indices; B >= number of bodies is wall B - number of bodies, planes first, then /walls",
     ),
+    "impacts/part": Meaning("1", _PART),
     "impacts/status": Meaning("1", "0 open, 1 stick, 2 slip"),
     "impacts/normal": Meaning("1", "(row, xyz) unit normal from B to A"),
     "impacts/impulse": Meaning("N s", "(row, xyz) impulse on A, world frame"),
@@ -259,7 +266,9 @@ MEANINGS: dict[str, Meaning] = {
     "planes/material": Meaning("1", "index of the material"),
     "planes/motion": Meaning("1", _MOTION),
     "walls/name": Meaning("1", "names"),
-    "walls/shape": Meaning("1", "rectangle, disc, cylinder, sphere or cone; what it has not is not a number"),
+    "walls/shape": Meaning(
+        "1", "rectangle, disc, cylinder, sphere, cone or mesh; what it has not is not a number"
+    ),
     "walls/point": Meaning("m", "(wall, xyz) centre; middle of the axis of a cylinder, first ring of a cone"),
     "walls/axis": Meaning(
         "1", "(wall, xyz) unit axis; of a rectangle or disc the normal, to where bodies live"
@@ -273,4 +282,10 @@ MEANINGS: dict[str, Meaning] = {
     "walls/inside": Meaning("1", "whether bodies live inside a cylinder, sphere or cone"),
     "walls/material": Meaning("1", "index of the material"),
     "walls/motion": Meaning("1", _MOTION),
+    "mesh_points/wall": Meaning("1", "which wall has the point, planes counted first"),
+    "mesh_points/position": Meaning("m", "(row, xyz) where it is at the start"),
+    "mesh_triangles/wall": Meaning("1", "which wall has the triangle, planes counted first"),
+    "mesh_triangles/corners": Meaning(
+        "1", "(row, 3) points of that wall, counted from 0, counterclockwise seen from the front"
+    ),
 }

@@ -107,7 +107,7 @@ class Memory:
         return Column([(parts[0], len(parts[0]))], MEANINGS.get(f"{table}/{name}", Meaning("", "")).unit)
 
     def static(self, table: str) -> dict[str, Array]:
-        """The table `bodies`, `planes` or `walls` (empty if there are none); text as an array of `str`."""
+        """A table of what does not change (empty if there is none); text as an array of `str`."""
         return {
             name: np.array(values, dtype=object) if name in TEXTS else np.asarray(values)
             for name, values in sorted(self.described.get(table, {"name": []}).items())

@@ -195,7 +195,7 @@ class Segments:
         return Column(parts, unit, self, kept)
 
     def static(self, table: str) -> dict[str, Array]:
-        """The table `bodies`, `planes` or `walls` (empty if there are none); text as an array of `str`."""
+        """A table of what does not change (empty if there is none); text as an array of `str`."""
         group = table_of(self._files[0], table)
         if group is None:
             return {"name": np.zeros(0, dtype=object)}

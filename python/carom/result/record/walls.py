@@ -1,4 +1,4 @@
-"""Walls as the static tables `/planes` and `/walls` of a results file, from the model that the core gets."""
+"""Walls as the static tables of a results file, from the model that the core gets."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ PARAMETERS = {
     "cylinder": ("axis", "radius", "length", "inside"),
     "sphere": ("radius", "inside"),
     "cone": ("axis", "radius", "radius_end", "length", "inside"),
+    "mesh": (),
 }
 WIDTHS = {"axis": 3, "side": 3, "size": 2, "radius": 1, "hole": 1, "radius_end": 1, "length": 1}
 
 
 def tables(names: Sequence[str], model: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """`planes`, and `walls` if there are others; `names` are those of all walls, in the order of the core."""
+    """`planes`, and if there are any `walls` and the tables of meshes; `names` are those of all walls, in
+    the order of the core.
+    """
     moving = {int(k): json.dumps(motion) for k, motion in model.get("wall_motion", ())}
     motion = [moving.get(k, "") for k in range(len(names))]
     count = len(model["plane_point"])
@@ -28,7 +31,15 @@ def tables(names: Sequence[str], model: Mapping[str, Any]) -> dict[str, dict[str
     if any(motion[:count]):
         planes["motion"] = motion[:count]
     found: dict[str, dict[str, Any]] = {"planes": planes}
-    others = model.get("walls", ())
+    meshes = model.get("meshes", ())
+    others = [*model.get("walls", ()), *({"shape": ("mesh",), **mesh} for mesh in meshes)]
+    if meshes:
+        first = len(names) - len(meshes)
+        for table, name, rows in (("points", "position", "vertices"), ("triangles", "corners", "triangles")):
+            found[f"mesh_{table}"] = {
+                "wall": np.repeat(np.arange(first, len(names)), [len(mesh[rows]) for mesh in meshes]),
+                name: np.concatenate([mesh[rows] for mesh in meshes]),
+            }
     if others:
         found["walls"] = {
             "name": names[count:],

@@ -39,7 +39,7 @@ class Writer:
     """The writer of a segment, and of those `further` ones that a long run needs. Blocks are appended; `commit` makes what
     was appended durable for readers.
 
-    `bodies`, `planes` and, if there are others, `walls` are the static tables (name, radius, ...). `first` counts the rows
+    `bodies` and `walls` (`planes`, `walls` and so on) are the static tables (name, radius, ...). `first` counts the rows
     of the whole run before this segment: what earlier segments hold beyond it was written after the
     checkpoint from which this one starts, and no longer counts. `expected` is a guess of the row counts, used
     only to avoid large chunks in small files. Columns in `leave_out` (table, name) are not written. `further` names the file
@@ -56,13 +56,12 @@ class Writer:
         path: Path,
         *,
         bodies: Table,
-        planes: Table,
-        walls: Table | None = None,
         attributes: Mapping[str, Any],
         first: Rows | None = None,
         expected: Rows | None = None,
         leave_out: Collection[tuple[str, str]] = (),
         further: Callable[[], Path] | None = None,
+        **walls: Table,
     ) -> None:
         self.path = path
         self.paths = [path]  # all that were begun
@@ -71,7 +70,7 @@ class Writer:
         self.committed = Rows()
         self.last_frame: int | None = None  # step of the newest frame of this segment
         self._attributes = dict(attributes, format=FORMAT)
-        self._static = {"bodies": bodies, "planes": planes, **({} if walls is None else {"walls": walls})}
+        self._static = {"bodies": bodies, **walls}
         self._expected = expected or Rows()
         self._leave_out = frozenset(leave_out)
         self._further = further

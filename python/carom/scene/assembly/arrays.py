@@ -17,7 +17,7 @@ from carom.scene.tables.joints import default_name
 from carom.scene.tables.laws import LawValue, as_core
 from carom.scene.tables.model import Scenario
 from carom.scene.tables.packing import Packing
-from carom.scene.tables.walls import PLANE, WALLS
+from carom.scene.tables.walls import MESH, PLANE, WALLS
 
 EXPANDED = 10_000
 """A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond it."""
@@ -105,12 +105,17 @@ def _mechanics(tree: Scenario, balls: Bodies) -> dict[str, Any] | None:
 
 def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) -> dict[str, Any]:
     """Walls that are no half-spaces, and the motion of all, each only if there are any."""
-    shapes = [
-        {"shape": wall.shape, "point": list(wall.point), "material": materials[wall.material]}
-        for wall in surfaces[planes:]
-    ]
+    shapes, meshes = [], []
+    for wall in surfaces[planes:]:
+        about = {"point": list(wall.point), "material": materials[wall.material]}
+        if wall.kind == MESH:
+            made = wall.shape[1]
+            meshes.append(about | {"vertices": made.vertices, "triangles": made.corners})
+        else:
+            shapes.append({"shape": wall.shape} | about)
     motions = [(k, motion_for_core(wall)) for k, wall in enumerate(surfaces) if wall.motion is not None]
-    return {key: rows for key, rows in (("walls", shapes), ("wall_motion", motions)) if rows}
+    found = (("walls", shapes), ("meshes", meshes), ("wall_motion", motions))
+    return {key: rows for key, rows in found if rows}
 
 
 def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
@@ -167,11 +172,12 @@ def with_generators_expanded(tree: Scenario) -> Scenario:
 
 
 def resolved_tree(tree: Scenario) -> Scenario:
-    """The same scenario with generators expanded and the default names of joints written down."""
+    """The same scenario with generators expanded, the default names of joints and the points of meshes written down."""
     tree = with_generators_expanded(tree)
     named = [j.name or default_name(i) for i, j in enumerate(tree.joint)]
     joints = [j.model_copy(update={"name": name}) for j, name in zip(tree.joint, named, strict=True)]
-    return tree.model_copy(update={"joint": joints})
+    meshes = [mesh.resolved() for mesh in tree.mesh]
+    return tree.model_copy(update={"joint": joints, "mesh": meshes})
 
 
 def identify(model: Mapping[str, Any]) -> str:
@@ -182,6 +188,9 @@ def identify(model: Mapping[str, Any]) -> str:
         if isinstance(value, Mapping):
             for key in sorted(value):
                 feed(f"{name}/{key}", value[key])
+        elif name == "/meshes":
+            for k, mesh in enumerate(value):
+                feed(f"{name}/{k}", mesh)
         elif isinstance(value, list):  # joints, loads, laws: numbers and texts; functions show their names
             digest.update(f"{name} {value!r}".encode())
         elif name != "/options/threads":

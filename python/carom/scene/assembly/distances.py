@@ -9,15 +9,19 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.scene.assembly.placing import Placed
-from carom.scene.tables.walls import PLANE
+from carom.scene.tables.walls import MESH, PLANE
 
 
 def gaps(wall: Placed, centre: F64, radius: F64) -> F64:
     """Gap of each ball to a wall at the start, (N,), m: negative where the ball is in it.
 
-    Centres (N, 3) and radii (N,), m. Pieces of surfaces have two faces.
+    Centres (N, 3) and radii (N,), m. Pieces of surfaces have two faces. A mesh more than a radius
+    away is infinitely far.
     """
     kind, *parameters = wall.shape
+    if kind == MESH:
+        mesh: F64 = parameters[0].distance(centre, 2.0 * radius) - radius
+        return mesh
     away = centre - np.array(wall.point)
     if kind == PLANE:
         gap: F64 = away @ np.array(parameters[0]) - radius
@@ -65,6 +69,10 @@ def _profile(along: F64, across: F64, first: Sequence[float], last: Sequence[flo
 def normals(wall: Placed, centre: F64) -> F64:
     """Unit normals at the closest points of a wall at the start, towards the balls, (N, 3)."""
     kind, *parameters = wall.shape
+    if kind == MESH:
+        arm: F64 = centre - parameters[0].nearest(centre)
+        arm /= np.linalg.norm(arm, axis=1, keepdims=True)
+        return arm
     away = centre - np.array(wall.point)
     if kind == PLANE:
         return np.tile(np.array(parameters[0], dtype=float), (len(centre), 1))

@@ -1,4 +1,4 @@
-"""The walls of a scene in the order of the core: planes without end first, then all others, in the order of their tables.
+"""The walls of a scene in the order of the core: planes without end first, meshes last, in the order of their tables.
 
 Here a wall is one surface with its place at the start; a `[[box]]` is up to six of them. What the core gets, what the
 checks measure and what is recorded all come from this list.
@@ -12,7 +12,7 @@ from typing import Any
 
 from carom.scene.tables.base import Table
 from carom.scene.tables.laws import as_core
-from carom.scene.tables.walls import PLANE, WALLS, Piece, Wall, direction_of
+from carom.scene.tables.walls import MESH, PLANE, WALLS, Piece, Wall, direction_of
 
 FLAT = (PLANE, "rectangle", "disc")
 """Kinds of flat walls, whose first parameter is the normal."""
@@ -42,7 +42,7 @@ def placed_walls(entries: Mapping[str, Sequence[tuple[int, Table]]]) -> list[Pla
                 Placed(**vars(piece), section=section, index=i, material=table.material)
                 for piece in table.pieces()
             ]
-    return sorted(found, key=lambda wall: wall.kind != PLANE)  # stable
+    return sorted(found, key=lambda wall: (wall.kind != PLANE, wall.kind == MESH))  # stable
 
 
 def motion_for_core(wall: Placed) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 from carom.errors import quoted
@@ -10,7 +11,7 @@ from carom.scene.arguments import explained
 from carom.scene.builders.balls import Builder, Number, Vector, make
 from carom.scene.tables.flow import Inflow, Outlet
 from carom.scene.tables.motion import Motion
-from carom.scene.tables.walls import BallWall, Box, Cone, Cylinder, Plane, Wall
+from carom.scene.tables.walls import BallWall, Box, Cone, Cylinder, Mesh, Plane, Wall
 
 MotionLike = Motion | Mapping[str, Any]
 """`{"translation": [law, law, law], "rotation": {"axis", "point", "angle" or "rate"}, "surface_velocity": [x, y, z],
@@ -115,6 +116,30 @@ class Waller(Builder):
         without end, or with `finite` rectangles that end at the edges.
         """
         return self._wall(Box, {k: v for k, v in locals().items() if k != "self"})
+
+    @explained
+    def mesh(
+        self,
+        name: str,
+        *,
+        material: str,
+        file: str | Path | None = None,
+        vertices: Any = None,
+        triangles: Any = None,
+        scale: Number | None = None,
+        point: Vector | None = None,
+        orientation: Sequence[Number] | None = None,
+        clean: bool | None = None,
+        motion: MotionLike | None = None,
+    ) -> Mesh:
+        """Add a surface of triangles: a `file` (STL, OBJ, PLY), or `vertices` (V, 3) and `triangles` (T, 3), counted from 0.
+
+        `scale` is the unit of the points in m: 0.001 for a file in millimetres. `orientation`, a unit quaternion (w first),
+        turns them about their origin, which is placed at `point`. Spheres may live on both sides. Triangles without an area
+        are refused, or with `clean` left out. Raises `ScenarioError` for what cannot be read.
+        """
+        file = None if file is None else str(Path(file).absolute())
+        return self._wall(Mesh, {k: v for k, v in locals().items() if k != "self"})
 
     def _wall(self, kind: type[_W], given: dict[str, Any]) -> _W:
         name = given["name"]

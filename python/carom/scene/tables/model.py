@@ -33,7 +33,7 @@ from carom.scene.tables.motion import Motion, Rotation, SurfaceRotation
 from carom.scene.tables.options import Run
 from carom.scene.tables.packing import Packing
 from carom.scene.tables.quantities import FARTHEST, ZEROS, Distance, Name, Position, Vec3, key
-from carom.scene.tables.walls import WALLS, BallWall, Box, Cone, Cylinder, Plane
+from carom.scene.tables.walls import WALLS, BallWall, Box, Cone, Cylinder, Mesh, Plane
 
 FORMAT = 1
 
@@ -155,6 +155,7 @@ class Scenario(Table):
     ball_wall: list[BallWall] = key("spheres as walls", default_factory=list)
     cone: list[Cone] = key("cones as walls", default_factory=list)
     box: list[Box] = key("up to six planes around a room", default_factory=list)
+    mesh: list[Mesh] = key("surfaces of triangles as walls", default_factory=list)
     joint: list[Joint] = key("constraints of the motion", default_factory=list)
     load: list[Load] = key("forces and torques", default_factory=list)
     spring: list[Spring] = key("springs and dampers", default_factory=list)

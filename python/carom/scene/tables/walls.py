@@ -7,15 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import model_validator
+import numpy as np
+from pydantic import PrivateAttr, model_validator
 
 from carom.errors import quoted
+from carom.scene.assembly import mesh_files
+from carom.scene.assembly.rotations import rotated
+from carom.scene.assembly.triangles import Triangles
 from carom.scene.assembly.vectors import cross, dot, norm, scaled
 from carom.scene.tables.base import Table
-from carom.scene.tables.fields import Checked, Choice, Flag, refuse
-from carom.scene.tables.lists import Direction, Lengths, as_list, each
+from carom.scene.tables.fields import POSITIVE, Checked, Choice, Flag, Quantity, Text, exactly_one, refuse
+from carom.scene.tables.lists import Direction, Lengths, Quaternion, as_list, each
 from carom.scene.tables.motion import Motion
-from carom.scene.tables.quantities import Distance, Length, Name, Position, Vec3, key
+from carom.scene.tables.quantities import ZEROS, Distance, Length, Name, Position, Vec3, key
 
 SIDES = ("low_x", "high_x", "low_y", "high_y", "low_z", "high_z")
 """The sides of a box, in the order in which they become walls."""
@@ -23,6 +27,8 @@ PARALLEL = 1e-6
 """Sine of the angle below which two directions count as parallel."""
 PLANE = "plane"
 """Kind of the half-spaces, which the core keeps apart from the other shapes."""
+MESH = "mesh"
+"""Kind of the surfaces of triangles, which the core keeps behind all others; its one parameter is a `Triangles`."""
 X, Y, Z = AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 Shape = tuple[Any, ...]
@@ -244,6 +250,97 @@ class Box(Wall):
         return Piece(f"{self.name}.{side}", shape, (middle[0], middle[1], middle[2]), self.motion, (x, y, z))
 
 
+@dataclass(frozen=True)
+class Rows(Checked):
+    """A list of rows of three numbers, of `kind` "f" or whole ones "i", as a NumPy array that cannot be written to."""
+
+    kind: str
+
+    def check(self, value: Any) -> np.ndarray[Any, Any]:
+        try:
+            found = np.array(value)
+        except (ValueError, OverflowError):
+            found = np.zeros(0)
+        kinds = "iuf" if self.kind == "f" else "iu"
+        if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in kinds:
+            what = "numbers" if self.kind == "f" else "whole numbers"
+            raise refuse(f"expected rows of three {what}", "write [[0, 1, 2], [1, 3, 2]], a row for each")
+        found = found.astype(np.float64 if self.kind == "f" else np.int64)
+        found.flags.writeable = False
+        return found
+
+    def json_schema(self) -> dict[str, Any]:
+        item = {"type": "number" if self.kind == "f" else "integer"}
+        row = {"type": "array", "items": item, "minItems": 3, "maxItems": 3}
+        return {"type": "array", "items": row, "minItems": 1}
+
+
+class Mesh(Wall):
+    """A surface of triangles, from a file or from lists; a sheet with two faces, closed or not."""
+
+    section: ClassVar[str] = "mesh"
+
+    file: Annotated[str, Text(1, 4096)] | None = key(
+        "STL, OBJ or PLY file, from the place of the scenario file on", default=None, examples=["hopper.stl"]
+    )
+    vertices: Annotated[Any, Rows("f")] | None = key(
+        "points, in place of a file, before `scale`",
+        default=None,
+        examples=[[[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]]],
+    )
+    triangles: Annotated[Any, Rows("i")] | None = key(
+        "three points each, counted from 0", default=None, examples=[[[0, 1, 2]]]
+    )
+    scale: Annotated[float, Quantity("number", POSITIVE)] = key(
+        "length in m of the unit of the points: 0.001 for a file in millimetres",
+        default=1.0,
+        examples=[0.001],
+    )
+    point: Position = key("where the origin of the points is placed", "m", default=ZEROS)
+    orientation: Annotated[tuple[float, float, float, float], Quaternion()] = key(
+        "how the points are turned about their origin, a unit quaternion, w first",
+        default=(1.0, 0.0, 0.0, 0.0),
+    )
+    clean: Annotated[bool, Flag()] = key(
+        "true: triangles without an area are left out; false: they are refused", default=False
+    )
+    motion: Motion | None = _MOTION
+
+    _placed: Triangles | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _is_a_mesh(self) -> Self:
+        if wrong := exactly_one(self.__dict__, "file", "vertices"):
+            raise wrong
+        if (self.vertices is None) != (self.triangles is None):
+            given, missing = ("triangles", "vertices") if self.vertices is None else ("vertices", "triangles")
+            raise refuse(f"{given} are given without {missing}", f"add {missing}", (given,))
+        at = "file" if self.file is not None else "triangles"
+        try:
+            made = self._read()
+            placed = rotated(np.array(self.orientation) / norm(self.orientation), self.scale * made.vertices)
+            placed += np.array(self.point)
+            self._placed = Triangles(placed, made.corners)
+        except mesh_files.MeshError as error:
+            raise refuse(error.cause, error.cure, (at,)) from None
+        return self
+
+    def _read(self) -> Triangles:
+        if self.file is not None:
+            return mesh_files.checked(*mesh_files.read(self.file), clean=self.clean)
+        assert self.vertices is not None and self.triangles is not None
+        return mesh_files.checked(self.vertices, self.triangles, clean=self.clean)
+
+    def pieces(self) -> list[Piece]:
+        return [Piece(self.name, (MESH, self._placed), self.point, self.motion, self.point)]
+
+    def resolved(self) -> Mesh:
+        """The same with the points and triangles of its file."""
+        made = self._read()
+        given = self.written() | {"vertices": made.vertices, "triangles": made.corners}
+        return Mesh(**{name: value for name, value in given.items() if name not in ("file", "clean")})
+
+
 def _in_plane(side: Vec3 | None, normal: list[float]) -> list[float]:
     """The direction of the first side of a rectangle: `side`, or x (y), made perpendicular to the normal."""
     n = scaled(normal)
@@ -264,5 +361,6 @@ WALLS: dict[str, type[Wall]] = {
     "cylinder": Cylinder,
     "ball_wall": BallWall,
     "cone": Cone,
+    "mesh": Mesh,
 }
 """Tables of walls by section, in the order in which results and messages count walls."""

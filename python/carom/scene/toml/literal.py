@@ -15,6 +15,8 @@ def literal(value: Any) -> str:
     The library writes each element of a list on a line of its own and tables only under a header, which would tear laws
     and vectors apart; it still writes the text, whose escapes are the only difficulty.
     """
+    if hasattr(value, "tolist"):  # arrays
+        value = value.tolist()
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -32,7 +32,7 @@ def read(
 
     `case` and `given` (values by name) choose among its variants, see `carom.scene.tables.parameters`.
     """
-    return parse(read_text(path), str(path), case, given)
+    return parse(read_text(path), str(path), case, given, Path(path).absolute().parent)
 
 
 def variants(path: str | Path) -> tuple[list[str], list[str]]:
@@ -95,11 +95,15 @@ def parse(
     name: str = "scenario text",
     case: str | None = None,
     given: Mapping[str, Any] | None = None,
+    folder: Path | None = None,
 ) -> tuple[Scenario, Source]:
-    """The scenario written in `text`; `name` is what messages call it. `case`, `given`: as in `read`."""
+    """The scenario written in `text`; `name` is what messages call it. `case`, `given`: as in `read`. Files that it names
+    lie in `folder`, by default in the present directory.
+    """
     raw = _toml(text, name)
     source = Source(name, text, dict(raw))  # with the tables that go now, for messages about them
     variant, formulas = parameters.substitute(raw, case, given)
+    _find_files(raw, folder or Path.cwd())
     found, tree = formulas.found, None
     try:
         tree = Scenario.model_validate(raw)
@@ -111,6 +115,14 @@ def parse(
         raise ScenarioError(_problem(f, source) for f in found) from None
     source.case, source.parameters = variant.case, variant.values
     return tree, source
+
+
+def _find_files(raw: Mapping[str, Any], folder: Path) -> None:
+    """Make the names of files whole."""
+    meshes = raw.get("mesh")
+    for table in meshes if isinstance(meshes, list) else ():
+        if isinstance(table, dict) and isinstance(table.get("file"), str):
+            table["file"] = str(folder / table["file"])
 
 
 def _problem(finding: Finding, source: Source) -> Problem:

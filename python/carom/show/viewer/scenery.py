@@ -11,6 +11,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Bool
 from carom.result.record.walls import PARAMETERS, WIDTHS
+from carom.show.surfaces import sharp_edges
 
 NUMBERS = [name for name, width in WIDTHS.items() if width == 1]
 """Columns of a wall that are numbers."""
@@ -80,6 +81,13 @@ def _plane(row: Mapping[str, Any]) -> dict[str, Any]:
 def _wall(wall: Any) -> dict[str, Any]:
     row = wall.facts
     found: dict[str, Any] = {"name": wall.name, "shape": wall.shape, "point": _vector(row["point"])}
+    if wall.mesh is not None:
+        relative = np.round(wall.mesh.vertices - np.asarray(row["point"]), 9)
+        return found | {
+            "vertices": relative.ravel().tolist(),
+            "triangles": wall.mesh.corners.ravel().tolist(),
+            "edges": sharp_edges(wall.mesh).ravel().tolist(),
+        }
     axis = row["normal"] if wall.shape == "plane" else row["axis"]
     if np.isfinite(axis).all():
         found["axis"] = _unit(axis)
