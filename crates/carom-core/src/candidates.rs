@@ -125,8 +125,8 @@ pub(crate) fn near_pairs(
 
 /// Sorts the pairs of a sphere from the `first` on by key, and leaves one of those that are the same contact with a mesh.
 fn once(model: &Model, walls: &Walls, position: &[DVec3], first: usize, found: &mut Vec<NearPair>) {
-    let simple = model.spheres() + model.simple_walls();
-    let first = first + found[first..].partition_point(|near| (near.pair.1 as usize) < simple);
+    let simple = model.first_mesh_wall();
+    let first = first + found[first..].partition_point(|near| near.pair.1 < simple);
     found[first..].sort_unstable_by_key(|near| near.pair);
     let at = |near: &NearPair| {
         let (a, b) = near.pair;
@@ -330,15 +330,27 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
     };
     let shift = &scratch.shift[..];
     let largest = team::reduce(threads, shift.len(), shift, pushed, team::larger);
-    if largest == 0.0 || 2.0 * largest.sqrt() < CANDIDATE_MARGIN * scratch.smallest {
+    let far = largest > 0.0 && 2.0 * largest.sqrt() >= CANDIDATE_MARGIN * scratch.smallest;
+    // What of a mesh a sphere meets may change with any push.
+    if !far && model.meshes.is_empty() {
         return Ok(false);
     }
-    join_overlapping(model, state, scratch)
+    join_overlapping(
+        model,
+        state,
+        scratch,
+        if far { 0 } else { model.first_mesh_wall() },
+    )
 }
 
-/// The rest of [`relist`], where spheres were pushed far enough.
+/// The rest of [`relist`], where spheres were pushed far enough, or for pairs with bodies from `least` on.
 #[inline(never)]
-fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
+fn join_overlapping(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    least: u32,
+) -> Result<bool, Failure> {
     let threads = model.options.threads as usize;
     // In a pile what is pushed pushes on: pairs that come near join with those that overlap, or every round would take the
     // front of a wave one ball further.
@@ -358,7 +370,11 @@ fn join_overlapping(model: &Model, state: &State, scratch: &mut Scratch) -> Resu
     let (walls, linear) = (&scratch.walls, &scratch.linear);
     let found = for_each_share(model, scratch.neighbours.pairs(), |pairs, found| {
         if !model.meshes.is_empty() {
-            near_pairs(model, state, walls, position, pairs, margin, found)?;
+            let rows = pairs.chunk_by(|a, b| a.0 == b.0);
+            for row in rows {
+                let row = &row[row.partition_point(|pair| pair.1 < least)..];
+                near_pairs(model, state, walls, position, row, margin, found)?;
+            }
             let known = |near: &NearPair| contacts.binary_search_by_key(&near.pair, |c| (c.a, c.b));
             found.retain(|near| known(near).is_err());
             return Ok(());

@@ -142,6 +142,11 @@ impl Model {
             .map_or(self.walls.len(), |m| m.walls.start)
     }
 
+    /// The first body that is of a mesh, if there is one.
+    pub fn first_mesh_wall(&self) -> u32 {
+        (self.spheres() + self.simple_walls()) as u32
+    }
+
     /// Which walls are those of meshes, and how many of them are triangles.
     pub fn mesh_spans(&self) -> Vec<(Range<usize>, usize)> {
         let span = |m: &MeshWall| (m.walls.clone(), m.mesh.triangles());

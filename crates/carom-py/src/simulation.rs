@@ -273,7 +273,9 @@ impl Simulation {
     /// The contact problem that could not be solved, or None.
     fn failing_problem<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let failed = self.inner.failed.as_ref();
-        failed.map(|p| problem_dict(py, &self.inner.model, p)).transpose()
+        failed
+            .map(|p| problem_dict(py, &self.inner.model, p))
+            .transpose()
     }
 
     /// Chooses what `take_problems` gives: steps `(first, last, stride)`, and how many of the hardest problems.

@@ -188,6 +188,8 @@ def _penetration(block: Block, near: Near, tally: Tally) -> None:
     # Where a step was made in parts, or the method divides steps, the deepest may have been within it; of balls that
     # come and go the frames do not show all.
     last = run.cut[block.s1 - 1] | run.divides | ~block.there.all(axis=1)
+    # What Moreau-Jean touches of a mesh is that of the middle of the step, and goes on beyond its ends.
+    last |= bool(run.parts.meshes) and run.method == "moreau"
     for name, each, smallest in (
         ("penetration", depth, 1.0),
         ("penetration_relative", depth / length, float(run.radius.min(initial=np.inf))),

@@ -91,6 +91,9 @@ class Run:
             wall.taken_by_steps(self.h)
         self.given_walls = len(self.walls)
         self.parts = Parts(self.walls, self.names, self.bodies)
+        for table in (result.contacts, result.impacts):
+            for first in range(0, len(table) if self.parts.meshes else 0, 1_000_000):
+                self.pairs(table, first, first + 1_000_000)  # parts have the planes that the run names
         self.wall_tables = tables(scene.wall_names, self.model)
         self.joints: list[Any] = list(self.model.get("joints", ()))
         self.loads: list[Any] = list(self.model.get("loads", ()))

@@ -343,8 +343,8 @@ def _turned(block: Block, j: int, body: int, arm: float) -> F64:
 def solved_again(block: Block) -> F64:
     """(B,) by how much what turned bodies may be off, N s^2: their loads are solved with the normals where the smooth motion
     ends, and those of velocities, which are on record, again with the last ones. Impulses change by the momenta that the
-    turn of these normals brings across, by what a wall that turns is faster where the body has been moved to, and by what loads
-    that depend on the motion change by.
+    turn of these normals brings across, by what a wall that turns is faster where the body has been moved to, and by what
+    loads that depend on the motion change by.
     """
     run, c = block.run, block.rows
     if not run.loads_once:

@@ -328,7 +328,8 @@ class Mesh(Wall):
     def _read(self) -> Triangles:
         if self.file is not None:
             return mesh_files.checked(*mesh_files.read(self.file), clean=self.clean)
-        assert self.vertices is not None and self.triangles is not None
+        assert self.vertices is not None
+        assert self.triangles is not None
         return mesh_files.checked(self.vertices, self.triangles, clean=self.clean)
 
     def pieces(self) -> list[Piece]:
