@@ -40,7 +40,9 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         points = 0.4 * points - [0.2, 0.2, 0.0]
     made.mesh(kind, vertices=points, triangles=triangles, material="wall", motion=_motion(rng))
     if rng.random() < 0.7:
-        points, triangles = globe(int(rng.integers(3, 7)), int(rng.integers(4, 9)), float(rng.uniform(0, 0.6)), seed)
+        points, triangles = globe(
+            int(rng.integers(3, 7)), int(rng.integers(4, 9)), float(rng.uniform(0, 0.6)), seed
+        )
         turn = rng.normal(size=4)
         made.mesh(
             "lump", vertices=points, triangles=triangles, scale=0.03, point=(0.0, 0.0, 0.06), material="wall",
@@ -48,13 +50,15 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         )  # fmt: skip
     places: list[F64] = []
     for _ in range(200):
-        at = rng.uniform(-0.08, 0.08, 3) + [0.0, 0.0, 0.1]
+        at = rng.uniform((-0.08, -0.08, 0.02), (0.08, 0.08, 0.18))
         apart = all(np.linalg.norm(at - other) > 2.1 * R for other in places)
         if apart and np.linalg.norm(at - [0.0, 0.0, 0.06]) > 0.055 and len(places) < 1 + seed % 7:
             places.append(at)
     for k, at in enumerate(places):
         velocity = tuple(rng.uniform(-1.0, 1.0, 3).tolist())
-        made.sphere(f"b{k}", radius=R, density=2500, position=tuple(at.tolist()), velocity=velocity, material="ball")
+        made.sphere(
+            f"b{k}", radius=R, density=2500, position=tuple(at.tolist()), velocity=velocity, material="ball"
+        )
     options: dict[str, Any] = {
         "method": str(rng.choice(["nsga", "nsga", "moreau"])),
         "every": int(rng.choice([1, 1, 4])),

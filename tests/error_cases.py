@@ -21,6 +21,7 @@ INFLOW = f'[[inflow]]\nname = "in"\n{SPHERE}count = 2\nrate = 1.0\nseed = 1\n'
 FAR = "region = { low = [3,3,3], high = [4,4,4] }\n"
 PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 1\ncount = 2\n'
 PRINTED = 'step = 1e-3 -> step = 1e-3\nposition_friction = "paper"\n'
+CORNERS = "[[9.0, 9.0, 9.0], [9.1, 9.0, 9.0], [9.0, 9.1, 9.0]]"
 BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
 #: cause -> (key that the message names, piece to add); several where several messages share the cause.
@@ -365,6 +366,31 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             WALL.format("cone")
             + "point = [0,0,-9]\naxis = [0,0,1]\nradius = 0\nradius_end = 20\nlength = 20\ninside = true\n",
         )
+    ],
+    "... are given without ...": [("mesh", WALL.format("mesh") + f"vertices = {CORNERS}\n")],
+    "expected rows of three ...": [
+        ("mesh", WALL.format("mesh") + "vertices = [[0, 1]]\ntriangles = [[0, 1, 2]]\n")
+    ],
+    "triangles ... name points that are not there": [
+        ("mesh", WALL.format("mesh") + f"vertices = {CORNERS}\ntriangles = [[0, 1, 3]]\n")
+    ],
+    "triangles ... have their corners on one line": [
+        ("mesh", WALL.format("mesh") + f"vertices = {CORNERS}\ntriangles = [[0, 1, 2], [0, 1, 1]]\n")
+    ],
+    "no triangle has an area": [
+        ("mesh", WALL.format("mesh") + f"vertices = {CORNERS}\ntriangles = [[0, 1, 1]]\nclean = true\n")
+    ],
+    "points ... are not finite": [
+        (
+            "mesh",
+            WALL.format("mesh") + "vertices = [[0, 0, nan], [1, 0, 0], [0, 1, 0]]\ntriangles = [[0, 1, 2]]\n",
+        )
+    ],
+    "there is no file ...": [("mesh", WALL.format("mesh") + 'file = "nowhere.stl"\n')],
+    "... is no file": [("mesh", WALL.format("mesh") + 'file = "/"\n')],
+    "... cannot be read (...)": [("mesh", WALL.format("mesh") + f'file = "{"x" * 999}"\n')],
+    "... is no mesh that trimesh reads (...: ...)": [
+        ("mesh", WALL.format("mesh") + f'file = "{__file__}"\n')
     ],
     "must be 0 at t = 0, where the wall stands as written; found ...": [
         (

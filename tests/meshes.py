@@ -14,7 +14,9 @@ Mesh = tuple[F64, I64]
 
 def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
     """The twelve triangles of a box, its front outside."""
-    points = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)], dtype=float)
+    points = np.array(
+        [[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)], dtype=float
+    )
     sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
     return points, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
 
@@ -34,7 +36,7 @@ def floor(n: int, *, seed: int) -> Mesh:
 
 
 def revolved(profile: Sequence[tuple[float, float]], sides: int) -> Mesh:
-    """What a line of points (radius, height) sweeps about z, open where it ends; its front outside where the height grows."""
+    """What a line of points (radius, height) sweeps about z, open at its ends; its front outside where the height grows."""
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     points = np.concatenate([np.c_[r * ring, np.full(sides, z)] for r, z in profile])
@@ -54,7 +56,9 @@ def globe(rings: int, around: int, rough: float, seed: int) -> Mesh:
         for j in range(around):
             polar, turn = np.pi * i / (rings + 1), 2 * np.pi * j / around
             r = 1 + rough * (rng.random() - 0.5)
-            points.append((r * np.sin(polar) * np.cos(turn), r * np.sin(polar) * np.sin(turn), r * np.cos(polar)))
+            points.append(
+                (r * np.sin(polar) * np.cos(turn), r * np.sin(polar) * np.sin(turn), r * np.cos(polar))
+            )
     at = lambda i, j: 2 + (i - 1) * around + j % around  # noqa: E731
     triangles = []
     for j in range(around):

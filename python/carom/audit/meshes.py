@@ -19,6 +19,12 @@ ALIKE = 1e-6
 """Directions, and places over the size of the mesh, that differ by less are those of one part."""
 
 
+NEARER = 1e-12
+"""Share by which a triangle has to be nearer than another one for that: rounding of distances."""
+ACROSS = 1e-5
+"""Angle (rad) from the normal up to which a place is over the triangle, not beside it; above the square root of `NEARER`."""
+
+
 class Parts:
     """The parts of all meshes of a run that were met so far, as walls at the end of the list `walls`."""
 
@@ -60,7 +66,7 @@ class Parts:
                 # Nearest where it is, unless a triangle that has the same point is nearer.
                 there = np.broadcast_to(foot[i], (len(rows), 3))
                 same = np.linalg.norm(mesh.closest(there, triangle[rows]) - foot[i], axis=1) < 1e-9 * away[i]
-                if not np.any(same & (away[rows] < away[i] * (1.0 - 1e-9))):
+                if not np.any(same & (away[rows] < away[i] * (1.0 - NEARER))):
                     what = _feature(mesh, int(triangle[i]), foot[i], x[k])
                     found.add(self._part(w, int(triangle[i]), what))
             points.append(np.full(len(found), k))
@@ -103,7 +109,7 @@ class Parts:
 def _feature(mesh: Triangles, triangle: int, foot: F64, x: F64) -> int:
     """What of a triangle its point nearest to `x` is: 0 a place below it, 1 to 3 on an edge, 4 to 6 a corner."""
     arm = x - foot
-    if np.linalg.norm(np.cross(arm, mesh.normal[triangle])) < ALIKE * np.linalg.norm(arm):
+    if np.linalg.norm(np.cross(arm, mesh.normal[triangle])) < ACROSS * np.linalg.norm(arm):
         return 0
     at = mesh.at[triangle]
     along = np.roll(at, -1, axis=0) - at

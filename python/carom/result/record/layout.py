@@ -100,8 +100,8 @@ class Meaning(NamedTuple):
 _MOTION = "how it moves, as JSON: laws of the time and axes of rotation, nothing where it stands"
 
 _PART = (
-    "what of a mesh is touched, where there are meshes: 7 times a triangle, and 0 for its plane, 1 to 3 for its edge"
-    " from corner 0, 1 or 2 to the next, 4 to 6 for these corners; -1 for other bodies"
+    "what of a mesh is touched, -1 for other bodies; the column is there where there are meshes. It is 7 times a triangle,"
+    " and of it 0 for the plane, 1 to 3 for an edge. These go from corner 0, 1 and 2 to the next; 4 to 6 are the corners"
 )
 
 MEANINGS: dict[str, Meaning] = {

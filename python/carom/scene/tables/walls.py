@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import PrivateAttr, model_validator
+from pydantic_core import PydanticCustomError
 
 from carom.errors import quoted
 from carom.scene.assembly import mesh_files
@@ -16,7 +17,17 @@ from carom.scene.assembly.rotations import rotated
 from carom.scene.assembly.triangles import Triangles
 from carom.scene.assembly.vectors import cross, dot, norm, scaled
 from carom.scene.tables.base import Table
-from carom.scene.tables.fields import POSITIVE, Checked, Choice, Flag, Quantity, Text, exactly_one, refuse
+from carom.scene.tables.fields import (
+    POSITIVE,
+    Checked,
+    Choice,
+    Flag,
+    Quantity,
+    Text,
+    exactly_one,
+    inside,
+    refuse,
+)
 from carom.scene.tables.lists import Direction, Lengths, Quaternion, as_list, each
 from carom.scene.tables.motion import Motion
 from carom.scene.tables.quantities import ZEROS, Distance, Length, Name, Position, Vec3, key
@@ -262,7 +273,7 @@ class Rows(Checked):
         except (ValueError, OverflowError):
             found = np.zeros(0)
         kinds = "iuf" if self.kind == "f" else "iu"
-        if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in kinds:
+        if found.ndim != 2 or found.shape[1] != 3 or not len(found) or found.dtype.kind not in kinds:
             what = "numbers" if self.kind == "f" else "whole numbers"
             raise refuse(f"expected rows of three {what}", "write [[0, 1, 2], [1, 3, 2]], a row for each")
         found = found.astype(np.float64 if self.kind == "f" else np.int64)
@@ -321,8 +332,8 @@ class Mesh(Wall):
             placed = rotated(np.array(self.orientation) / norm(self.orientation), self.scale * made.vertices)
             placed += np.array(self.point)
             self._placed = Triangles(placed, made.corners)
-        except mesh_files.MeshError as error:
-            raise refuse(error.cause, error.cure, (at,)) from None
+        except PydanticCustomError as error:
+            raise inside(at, error) from None
         return self
 
     def _read(self) -> Triangles:
