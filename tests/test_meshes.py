@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from carom import ScenarioError, Scene, audit
 from carom.scene.assembly.triangles import Triangles
-from carom.show.surfaces import sharp_edges
+from carom.show.surfaces import sharp_edges, surfaces
+from carom.show.viewer.scenery import scenery
 from meshes import box, floor, globe, revolved
 
 G = 9.8
@@ -262,6 +263,22 @@ class TestRuns:
             assert file["mesh_triangles/corners"][:].tolist() == triangles.tolist()
             assert file["mesh_points/wall"][:].tolist() == [1] * 8
         assert audit.check(tmp_path / "run").ok
+
+    def test_films_and_exports_get_its_triangles(self) -> None:
+        made = scene()
+        points, triangles = globe(4, 6, 0.3, 1)
+        made.mesh(
+            "lump", vertices=points, triangles=triangles, scale=0.1, point=(0.2, 0, 0), material="steel"
+        )
+        ball(made, (0.2, 0.0, 0.15))
+        result = carom.simulate(made, until=0.01)
+        (drawn,) = surfaces(list(result.walls.values()), np.zeros(3), np.ones(3), np.array([0, 0, 1.0]))
+        placed = drawn.placed(np.array([0.2, 0, 0]), np.array([1.0, 0, 0, 0]))
+        assert placed == pytest.approx(0.1 * points + [0.2, 0, 0])
+        assert drawn.faces.tolist() == triangles.tolist()
+        (facts,) = scenery(result, np.array([0])).walls
+        assert np.reshape(facts["vertices"], (-1, 3)) == pytest.approx(0.1 * points, abs=1e-8)
+        assert np.reshape(facts["triangles"], (-1, 3)).tolist() == triangles.tolist()
 
     def test_a_planted_part_is_found(self, tmp_path: Path) -> None:
         """The auditor knows which plane a contact has: that of another triangle is none."""

@@ -37,7 +37,7 @@ AREAS: list[tuple[str, dict[str, Any], float]] = [
 
 
 def test_every_shape_is_drawn() -> None:
-    assert {shape for shape, _, _ in AREAS} == set(PARAMETERS)
+    assert {shape for shape, _, _ in AREAS} == set(PARAMETERS) - {"mesh"}  # which brings its triangles
 
 
 @pytest.mark.parametrize(("shape", "facts", "area"), AREAS)

@@ -77,6 +77,10 @@ def everything() -> Scene:
         velocity=(0, 0, -1),
         spread=0.1,
     )
+    corners = [(-0.2, -0.2, -0.4), (0.2, -0.2, -0.4), (0, 0.2, -0.4), (0, 0, -0.5)]
+    scene.mesh(
+        "tray", vertices=corners, triangles=[(0, 1, 3), (1, 2, 3), (2, 0, 3)], material="steel", motion=TURN
+    )
     scene.outlet(low=(-1, -1, -1), high=(1, 1, -0.5))
     scene.outlet(low=(-2, -2, -2), high=(2, 2, 2), inside=False)
     return scene
@@ -117,7 +121,7 @@ class TestArrays:
         sides = ["low_x", "high_x", "low_y", "high_y", "low_z"]
         planes = ["far", *(f"box.{side}" for side in sides)]
         others = ["sheet", "ring", "belt", *(f"crate.{side}" for side in [*sides, "high_z"])]
-        others += ["drum", "pipe", "bowl", "funnel"]
+        others += ["drum", "pipe", "bowl", "funnel", "tray"]
         assert scene.plane_names == planes
         assert scene.wall_names == [*planes, *others]
         model = scene.to_model()
@@ -129,7 +133,7 @@ class TestArrays:
 
     def test_shapes(self) -> None:
         scene = everything()
-        walls = dict(zip(scene.wall_names[6:], scene.to_model()["walls"], strict=True))
+        walls = dict(zip(scene.wall_names[6:-1], scene.to_model()["walls"], strict=True))
         name, normal, side, size = walls["sheet"]["shape"]
         assert (name, normal, size) == ("rectangle", [0, 0, 1], [0.2, 0.1])
         assert side == pytest.approx(
@@ -157,7 +161,7 @@ class TestArrays:
     def test_motion(self) -> None:
         scene = everything()
         motion = {scene.wall_names[k]: moves for k, moves in scene.to_model()["wall_motion"]}
-        assert set(motion) == {*(n for n in scene.wall_names if n.startswith("box.")), "drum", "belt"}
+        assert set(motion) == {*(n for n in scene.wall_names if n.startswith("box.")), "drum", "belt", "tray"}
         still = ("constant", 0.0)
         for side in ("low_x", "low_z"):
             assert motion[f"box.{side}"]["translation"] == [("expression", "0.002*sin(100*t)"), still, still]

@@ -210,7 +210,7 @@ class Surface:
             side = np.where(height < 0.0, -1.0, 1.0)
             return np.abs(height) - radius, np.outer(side, self.parameters[0])
         if self.mesh is not None:
-            return self.mesh.distance(away + self.point, 4.0 * radius) - radius, np.zeros_like(away)
+            return self.mesh.distance(away + self.point, 2.0 * radius) - radius, np.zeros_like(away)
         if self.kind == "sphere":
             size, inside = self.parameters
             sign = -1.0 if inside else 1.0

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from pydantic import PrivateAttr, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import GetCoreSchemaHandler, PrivateAttr, model_validator
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from carom.errors import quoted
 from carom.scene.assembly import mesh_files
@@ -279,6 +279,12 @@ class Rows(Checked):
         found = found.astype(np.float64 if self.kind == "f" else np.int64)
         found.flags.writeable = False
         return found
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        as_rows = core_schema.plain_serializer_function_ser_schema(
+            lambda rows: None if rows is None else rows.tolist()
+        )
+        return core_schema.no_info_plain_validator_function(self.check, serialization=as_rows)
 
     def json_schema(self) -> dict[str, Any]:
         item = {"type": "number" if self.kind == "f" else "integer"}
