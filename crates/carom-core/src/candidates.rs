@@ -372,6 +372,11 @@ fn join_overlapping(
         if !model.meshes.is_empty() {
             let rows = pairs.chunk_by(|a, b| a.0 == b.0);
             for row in rows {
+                let i = row[0].0 as usize;
+                let moved = position[i] != state.position[i] + linear[i].displacement;
+                if least > 0 && !moved {
+                    continue;
+                }
                 let row = &row[row.partition_point(|pair| pair.1 < least)..];
                 near_pairs(model, state, walls, position, row, margin, found)?;
             }

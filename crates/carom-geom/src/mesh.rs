@@ -184,7 +184,9 @@ impl Mesh {
             if self.piece[first as usize] != NONE {
                 continue;
             }
-            let Triangle { corners, normal } = triangles[first as usize];
+            let Triangle {
+                corners, normal, ..
+            } = triangles[first as usize];
             let wall = (triangles.len() + pieces.len()) as u32;
             largest.push(first);
             pieces.push(Sheet {
@@ -212,46 +214,59 @@ impl Mesh {
         (pieces, largest)
     }
 
-    /// The wall that a sphere with centre `x` (m) and radius `r` (m) may touch at triangle `t`: what is nearest of it, unless a
-    /// neighbour is nearer. `placed` are the walls of this mesh where they are now.
-    pub fn met(&self, placed: &[Shape], t: usize, x: DVec3, r: f64) -> Option<usize> {
+    /// The wall that a sphere with centre `x` (m) and radius `r` (m) may touch at triangle `t` within `reach` (m): what is nearest of
+    /// it, unless a neighbour is nearer. `placed` are the walls of this mesh where they are now.
+    pub fn met(&self, placed: &[Shape], t: usize, x: DVec3, r: f64, reach: f64) -> Option<usize> {
         let triangle = as_triangle(&placed[t])?;
+        let far = r + reach;
+        if triangle.normal.dot(x - triangle.corners[0]).abs() > far {
+            return None;
+        }
         let slack = SLACK * r + ROUNDING * (x.abs() + triangle.corners[0].abs()).max_element();
         let wall = match triangle.nearest(x, slack) {
             Nearest::Face => self.piece[t],
             Nearest::Edge(k) => {
                 let (edge, from) = (self.edges[t][k], x - triangle.corners[k]);
-                let nearest = self.at_edge.of(edge).iter().all(|&o| {
-                    let k = place_of(&self.edges[o as usize], edge);
-                    o as usize == t
-                        || as_triangle(&placed[o as usize])
-                            .is_some_and(|other| other.inward(k).dot(from) <= slack)
-                });
-                if nearest {
-                    self.edge_wall[edge as usize]
-                } else {
-                    NONE
+                let wall = self.edge_wall[edge as usize];
+                let across = triangle.along(k).cross(from).length() > far * triangle.length[k];
+                if wall == NONE || across || !self.is_edge_nearest(placed, t, edge, x, slack) {
+                    return None;
                 }
+                wall
             }
             Nearest::Corner(k) => {
                 let (corner, from) = (self.corners[t][k], x - triangle.corners[k]);
-                let nearest = self.at_corner.of(corner).iter().all(|&o| {
-                    let k = place_of(&self.corners[o as usize], corner);
-                    as_triangle(&placed[o as usize]).is_some_and(|other| {
-                        [1, 2].into_iter().all(|next| {
-                            let along = other.corners[(k + next) % 3] - other.corners[k];
-                            along.dot(from) <= slack * along.length()
-                        })
-                    })
-                });
-                if nearest {
-                    self.corner_wall[corner as usize]
-                } else {
-                    NONE
+                let wall = self.corner_wall[corner as usize];
+                let beyond = from.length_squared() > far * far;
+                if wall == NONE || beyond || !self.is_corner_nearest(placed, corner, from, slack) {
+                    return None;
                 }
+                wall
             }
         };
-        (wall != NONE).then_some(wall as usize)
+        Some(wall as usize)
+    }
+
+    /// Whether no other triangle at an edge of `t` is nearer to `x` than the edge is.
+    fn is_edge_nearest(&self, placed: &[Shape], t: usize, edge: u32, x: DVec3, slack: f64) -> bool {
+        self.at_edge.of(edge).iter().all(|&o| {
+            let k = place_of(&self.edges[o as usize], edge);
+            let other = as_triangle(&placed[o as usize]);
+            o as usize == t || other.is_some_and(|other| other.inside(k, x) <= slack)
+        })
+    }
+
+    /// Whether no triangle at a corner is nearer than the corner is to what is `from` it (m).
+    fn is_corner_nearest(&self, placed: &[Shape], corner: u32, from: DVec3, slack: f64) -> bool {
+        self.at_corner.of(corner).iter().all(|&o| {
+            let k = place_of(&self.corners[o as usize], corner);
+            as_triangle(&placed[o as usize]).is_some_and(|other| {
+                // To the next corner, and to the one before.
+                let last = (k + 2) % 3;
+                other.along(k).dot(from) <= slack * other.length[k]
+                    && -other.along(last).dot(from) <= slack * other.length[last]
+            })
+        })
     }
 }
 
@@ -272,18 +287,11 @@ fn triangle(points: &[DVec3], named: &[u32; 3]) -> Result<Triangle, String> {
         let point = points.get(k as usize);
         *corner = *point.ok_or_else(|| format!("names point {k}; there are {}", points.len()))?;
     }
-    let mut triangle = Triangle {
-        corners,
-        normal: DVec3::ZERO,
-    };
-    let across = triangle.across();
-    let [a, b, c] = corners;
-    let longest = [b - a, c - b, a - c].map(DVec3::length_squared);
-    let longest = longest.into_iter().fold(0.0, f64::max);
-    if !(across.is_finite() && across.length() > THIN * longest) {
+    let triangle = Triangle::new(corners);
+    let longest = triangle.length.into_iter().fold(0.0, f64::max);
+    if !(triangle.normal.is_finite() && triangle.across().length() > THIN * longest * longest) {
         return Err("has corners on one line, or no numbers".to_owned());
     }
-    triangle.normal = across.normalize();
     Ok(triangle)
 }
 

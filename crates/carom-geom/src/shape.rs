@@ -187,6 +187,7 @@ impl Shape {
             Shape::Triangle(wall) => Shape::Triangle(Triangle {
                 corners: wall.corners.map(|corner| by.point(corner)),
                 normal: by.direction(wall.normal),
+                ..wall
             }),
             Shape::Sheet(wall) => Shape::Sheet(Sheet {
                 point: by.point(wall.point),

@@ -8,8 +8,7 @@ use std::f64::consts::TAU;
 /// The walls that a sphere may touch within `reach`, each once, with gap and normal.
 fn met(mesh: &Mesh, placed: &[Shape], x: DVec3, r: f64, reach: f64) -> Vec<(usize, f64, DVec3)> {
     let mut found: Vec<usize> = (0..mesh.triangles())
-        .filter(|&t| placed[t].clearance(x, r) <= reach)
-        .filter_map(|t| mesh.met(placed, t, x, r))
+        .filter_map(|t| mesh.met(placed, t, x, r, reach))
         .collect();
     found.sort_unstable();
     found.dedup();

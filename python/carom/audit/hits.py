@@ -85,7 +85,11 @@ def kept(block: Block, r: Hits) -> tuple[Bool, F64, F64]:
     add_at(loads, (group,), np.where((r.problem == 0)[:, None], own, 0.0))
     sums, loads = sums[group], loads[group]
     without, within = norm(whole - sums), norm(whole - sums - loads)
-    bound = 32.0 * EPS * (norm(whole) + norm(sums) + norm(loads))
+    bound = 32.0 * EPS * (norm(whole) + np.bincount(group, norm(own))[group])
+    # Sweeps add to the impulses of all neighbours, and take back again.
+    largest = np.zeros(block.count)
+    np.maximum.at(largest, r.k, norm(own))
+    bound = bound + np.where(block.cascaded[r.k], 32.0 * EPS * largest[r.k], 0.0)
     return np.asarray(within <= without), np.minimum(without, within), np.maximum(bound, 1e-300)
 
 

@@ -30,6 +30,8 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
     for w, wall in enumerate(run.walls):
         rows = (near.b == run.bodies + w) & wall.there(block.t1[near.k])
         k, a = near.k[rows], near.a[rows]
+        if wall.part:  # goes on beyond its ends
+            continue
         if wall.sheet and len(k):
             _sheet(block, tally, w, k, a, way)
         elif wall.kind in ("sphere", "cylinder") and not wall.parameters[-1] and len(k):

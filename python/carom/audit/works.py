@@ -49,7 +49,8 @@ def along_mean(run: Run, p: Pairs, impulse: F64, moment: F64, first: F64, motion
     of_motion = done(push, slide, moment, middle, of[0], of[1]) - done(
         push, slide, moment, middle, of[2], of[2]
     )
-    return of_motion + done(stated.normal, across(stated.stated, p.foot), moment, p.foot, wall, wall)
+    turned = loads_once.along_mean(moment, first, p.foot).stated
+    return of_motion + done(stated.normal, across(stated.stated, p.foot), turned, p.foot, wall, wall)
 
 
 def judge(block: Block, tally: Tally) -> None:

@@ -249,10 +249,7 @@ impl Walls {
         }
         let mesh = model.mesh_of(b)?;
         let (first, placed) = (mesh.walls.start, &self.now[mesh.walls.clone()]);
-        if placed[wall - first].clearance(x, r) > reach {
-            return None;
-        }
-        let met = mesh.mesh.met(placed, wall - first, x, r)?;
+        let met = mesh.mesh.met(placed, wall - first, x, r, reach)?;
         Some((model.spheres() + first + met) as u32)
     }
 

@@ -18,6 +18,8 @@ pub struct Triangle {
     pub corners: [DVec3; 3],
     /// Unit normal, to the front.
     pub normal: DVec3,
+    /// Lengths of the edges, from corner `k` to the next.
+    pub length: [f64; 3],
 }
 
 /// A plane with two sides, of a flat piece of a mesh.
@@ -48,30 +50,45 @@ pub(crate) enum Nearest {
 }
 
 impl Triangle {
+    /// A triangle of three corners; one without an area has no normal.
+    pub fn new(corners: [DVec3; 3]) -> Triangle {
+        let [a, b, c] = corners;
+        Triangle {
+            corners,
+            normal: (b - a).cross(c - a).normalize(),
+            length: [b - a, c - b, a - c].map(DVec3::length),
+        }
+    }
+
     /// Across its plane, twice as long as its area (m^2).
     pub fn across(&self) -> DVec3 {
         let [a, b, c] = self.corners;
         (b - a).cross(c - a)
     }
 
-    /// Unit vector within the plane from edge `k` to the inside.
+    /// Along edge `k`, m.
     #[inline]
-    pub fn inward(&self, k: usize) -> DVec3 {
-        let along = self.corners[(k + 1) % 3] - self.corners[k];
-        self.normal.cross(along).normalize()
+    pub(crate) fn along(&self, k: usize) -> DVec3 {
+        self.corners[(k + 1) % 3] - self.corners[k]
+    }
+
+    /// How far inside of edge `k` a point is, measured in the plane, m.
+    #[inline]
+    pub(crate) fn inside(&self, k: usize, x: DVec3) -> f64 {
+        let across = self.normal.cross(self.along(k));
+        across.dot(x - self.corners[k]) / self.length[k]
     }
 
     /// What is nearest to a point; over the face up to `slack` (m) beyond it.
     pub(crate) fn nearest(&self, x: DVec3, slack: f64) -> Nearest {
         let mut outside = false;
         for k in 0..3 {
-            let from = x - self.corners[k];
-            if self.inward(k).dot(from) >= -slack {
+            if self.inside(k, x) >= -slack {
                 continue;
             }
             outside = true;
-            let along = self.corners[(k + 1) % 3] - self.corners[k];
-            if (0.0..=along.length_squared()).contains(&along.dot(from)) {
+            let way = self.along(k).dot(x - self.corners[k]);
+            if (0.0..=self.length[k] * self.length[k]).contains(&way) {
                 return Nearest::Edge(k);
             }
         }
@@ -97,7 +114,7 @@ pub fn sphere_triangle(x: DVec3, r: f64, wall: &Triangle) -> Proximity {
         ),
         Nearest::Edge(k) => {
             let point = wall.corners[k];
-            let along = (wall.corners[(k + 1) % 3] - point).normalize();
+            let along = wall.along(k) / wall.length[k];
             sphere_line(x, r, &Line { point, along })
         }
         Nearest::Corner(k) => sphere_sphere(x, r, wall.corners[k], 0.0),

@@ -115,12 +115,8 @@ pub fn wall() -> impl Strategy<Value = Shape> {
             }),
         (placed(), vector(1.0), vector(1.0)).prop_filter_map("thin", |((corner, _), a, b)| {
             let across = a.cross(b);
-            (across.length() > 0.1).then(|| {
-                Shape::Triangle(Triangle {
-                    corners: [corner, corner + a, corner + b],
-                    normal: across.normalize(),
-                })
-            })
+            let corners = [corner, corner + a, corner + b];
+            (across.length() > 0.1).then(|| Shape::Triangle(Triangle::new(corners)))
         }),
         placed().prop_map(|(point, normal)| Shape::Sheet(Sheet { point, normal })),
         placed().prop_map(|(point, along)| Shape::Line(Line { point, along })),

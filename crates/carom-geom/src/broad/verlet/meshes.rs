@@ -6,14 +6,14 @@ use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{RTree, AABB};
 use std::ops::{ControlFlow, Range};
 
-type Entry = GeomWithData<Rectangle<[f64; 3]>, u32>;
+type Boxed = GeomWithData<Rectangle<[f64; 3]>, u32>;
 
 /// Which walls are triangles of meshes, and where they were at the last rebuild of the list.
 #[derive(Debug, Default)]
 pub(in crate::broad) struct Meshes {
     /// Walls of each mesh, in order, and how many of them are triangles.
     spans: Vec<(Range<usize>, usize)>,
-    tree: RTree<Entry>,
+    tree: RTree<Boxed>,
     /// By how much farther triangles are listed (m): so far they may move.
     pub margin: f64,
 }
