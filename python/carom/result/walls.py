@@ -207,14 +207,19 @@ class Walls(Mapping[str, Wall]):
     """All walls of a result by name, in the order of the core: planes without end first, meshes last."""
 
     def __init__(
-        self, result: RunData, tables: Sequence[Mapping[str, Any]], meshes: Mapping[int, Triangles]
+        self,
+        result: RunData,
+        tables: Sequence[Mapping[str, Any]],
+        meshes: Mapping[int, Triangles] | None = None,
     ) -> None:
         rows = [
             {key: values[i] for key, values in table.items()}
             for table in tables
             for i in range(len(table["name"]))
         ]
-        self._walls = {str(row["name"]): Wall(result, i, row, meshes.get(i)) for i, row in enumerate(rows)}
+        self._walls = {
+            str(row["name"]): Wall(result, i, row, (meshes or {}).get(i)) for i, row in enumerate(rows)
+        }
 
     def __getitem__(self, name: str) -> Wall:
         try:
