@@ -23,7 +23,7 @@ const POSITIVE: [&str; 11] = [
     "gap_tolerance",
     "touching_tolerance",
     "closing_tolerance_load",
-    "pile_closing_tolerance",
+    "closing_tolerance_load",
     "closing_tolerance_speed",
     "penalty_scale",
     "proximal_shift",
