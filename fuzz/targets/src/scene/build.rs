@@ -16,13 +16,12 @@ const MOST_HALVINGS: u32 = 4;
 const MOST_PROBLEMS: u32 = 60;
 
 /// Options that take any positive number.
-const POSITIVE: [&str; 11] = [
+const POSITIVE: [&str; 10] = [
     "tolerance",
     "pile_tolerance",
     "tolerance_floor",
     "gap_tolerance",
     "touching_tolerance",
-    "closing_tolerance_load",
     "closing_tolerance_load",
     "closing_tolerance_speed",
     "penalty_scale",
