@@ -165,7 +165,8 @@ def _begun(block: Block, tally: Tally, r: Hits) -> None:
     run, t = block.run, block.run.loosest
     if run.method != "nsga" or not run.impact_law.loads_first or run.loads or run.joints:
         return
-    still = np.array([not wall.moves for wall in run.walls], dtype=bool)
+    # From one part of a mesh to the next the weight closes what the loads did not know of.
+    still = np.array([not wall.moves and not wall.part for wall in run.walls], dtype=bool)
     alone = block.single & (block.over(run.steps["largest_island"]) == 1)
     rows = alone[r.k] & (r.problem == 1) & (r.b >= run.bodies) & block.there[r.k, r.a]
     rows[rows] = still[r.b[rows] - run.bodies]
