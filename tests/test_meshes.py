@@ -280,6 +280,23 @@ class TestRuns:
         assert np.reshape(facts["vertices"], (-1, 3)) == pytest.approx(0.1 * points, abs=1e-8)
         assert np.reshape(facts["triangles"], (-1, 3)).tolist() == triangles.tolist()
 
+    @pytest.mark.parametrize(
+        ("name", "row", "value"), [("corners", 3, 99), ("wall", 5, 7), ("corners", 0, -1)]
+    )
+    def test_damaged_triangles_are_said_to_be_so(
+        self, name: str, row: int, value: int, tmp_path: Path
+    ) -> None:
+        made = scene()
+        points, triangles = box((-0.05, -0.05, 0.0), (0.05, 0.05, 0.1))
+        made.mesh("crate", vertices=points, triangles=triangles, material="steel")
+        ball(made, (0.01, 0.02, R))
+        carom.simulate(made, until=0.02, out=tmp_path / "run").close()
+        with h5py.File(tmp_path / "run" / "results.h5", "r+") as file:
+            table = file[f"mesh_triangles/{name}"]
+            table[row] = value
+        with pytest.raises(carom.CaromError, match="mesh_triangles"):
+            _ = carom.load(tmp_path / "run").walls
+
     def test_a_planted_part_is_found(self, tmp_path: Path) -> None:
         """The auditor knows which plane a contact has: that of another triangle is none."""
         made = scene()

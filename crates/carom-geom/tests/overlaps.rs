@@ -1,6 +1,19 @@
 //! Overlaps of a start, and nearest images in a periodic box.
 
-use carom_geom::{overlaps, DVec3, Periodic, Shape};
+use carom_geom::{overlaps, DVec3, Overlap, Periodic, Shape};
+
+/// At most `cap` overlaps, without meshes and images.
+fn found(x: &[DVec3], radius: &[f64], walls: &[Shape], cap: usize) -> Vec<Overlap> {
+    overlaps(
+        x,
+        radius,
+        walls,
+        Vec::new(),
+        &Periodic::default(),
+        1e-9,
+        cap,
+    )
+}
 
 #[test]
 fn touching_is_not_overlapping_and_all_overlaps_are_named() {
@@ -13,67 +26,21 @@ fn touching_is_not_overlapping_and_all_overlaps_are_named() {
         point: DVec3::ZERO,
         normal: DVec3::Z,
     }];
-    let all = overlaps(
-        &x,
-        &[1.0; 3],
-        &walls,
-        Vec::new(),
-        &Periodic::default(),
-        1e-9,
-        10,
-    );
+    let all = found(&x, &[1.0; 3], &walls, 10);
     assert_eq!(
         all.iter().map(|o| (o.a, o.b)).collect::<Vec<_>>(),
         [(1, 2), (2, 3)]
     );
     assert_eq!(all[1].gap, -0.5);
-    assert_eq!(
-        overlaps(
-            &x,
-            &[1.0; 3],
-            &walls,
-            Vec::new(),
-            &Periodic::default(),
-            1e-9,
-            1
-        )
-        .len(),
-        1
-    );
-    assert!(overlaps(
-        &x,
-        &[1.0; 3],
-        &walls,
-        Vec::new(),
-        &Periodic::default(),
-        1e-9,
-        0
-    )
-    .is_empty());
-    assert!(overlaps(
-        &x[..2],
-        &[1.0 + 1e-10; 2],
-        &walls,
-        Vec::new(),
-        &Periodic::default(),
-        1e-9,
-        10
-    )
-    .is_empty());
+    assert_eq!(found(&x, &[1.0; 3], &walls, 1).len(), 1);
+    assert!(found(&x, &[1.0; 3], &walls, 0).is_empty());
+    assert!(found(&x[..2], &[1.0 + 1e-10; 2], &walls, 10).is_empty());
 }
 
 #[test]
 fn a_heap_of_coincident_balls_stops_at_the_cap() {
     let n = 50_000;
-    let found = overlaps(
-        &vec![DVec3::ONE; n],
-        &vec![0.03; n],
-        &[],
-        Vec::new(),
-        &Periodic::default(),
-        1e-9,
-        20,
-    );
+    let found = found(&vec![DVec3::ONE; n], &vec![0.03; n], &[], 20);
     assert_eq!(found.len(), 20);
     assert!(found
         .windows(2)

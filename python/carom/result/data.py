@@ -161,7 +161,13 @@ class RunData(Frames):
     def walls(self) -> Walls:
         """All walls by name: `result.walls["drum"].torque`, also `force`, `impulse`, `position`, `orientation`."""
         rows = [self._segments.static(table) for table in ("planes", "walls")]
-        return Walls(self, rows, meshes(*map(self._segments.static, ("mesh_points", "mesh_triangles"))))
+        shapes = ["plane"] * len(rows[0]["name"]) + [str(shape) for shape in rows[1].get("shape", ())]
+        try:
+            static = self._segments.static
+            made = meshes(static("mesh_points"), static("mesh_triangles"), shapes)
+        except (IndexError, KeyError, ValueError) as error:
+            raise self._segments.damage("/mesh_triangles", str(error)) from error
+        return Walls(self, rows, made)
 
     @property
     def plane_names(self) -> list[str]:

@@ -84,16 +84,33 @@ def _values(law: Sequence[Any], time: F64) -> F64:
     return np.array([value_at(value, float(t)) for t in time])
 
 
-def meshes(points: Mapping[str, Any], triangles: Mapping[str, Any]) -> dict[int, Triangles]:
-    """The meshes among the walls, by number, from their two tables."""
-    if "wall" not in points or "wall" not in triangles:
+def meshes(
+    points: Mapping[str, Any], triangles: Mapping[str, Any], shapes: Sequence[str]
+) -> dict[int, Triangles]:
+    """The meshes among the walls, by number, from their two tables. A `ValueError` says in which way these are none for the
+    walls of these `shapes`.
+    """
+    wanted = {k for k, shape in enumerate(shapes) if shape == "mesh"}
+    if not wanted:
         return {}
+    if "wall" not in points or "wall" not in triangles:
+        raise ValueError("a mesh has no points or no triangles")
     of_point, of_triangle = (np.asarray(table["wall"]) for table in (points, triangles))
     places = np.asarray(points["position"], dtype=np.float64)
     corners = np.asarray(triangles["corners"]).astype(np.int64)
-    return {
+    found = {
         int(k): Triangles(places[of_point == k], corners[of_triangle == k]) for k in np.unique(of_triangle)
     }
+    if set(found) != wanted:
+        raise ValueError("they are not those of the walls that are meshes")
+    for mesh in found.values():
+        if (
+            mesh.corners.min() < 0
+            or mesh.corners.max() >= len(mesh.vertices)
+            or not np.isfinite(mesh.vertices).all()
+        ):
+            raise ValueError("a triangle names a point that is not there, or a point is not finite")
+    return found
 
 
 class Wall:

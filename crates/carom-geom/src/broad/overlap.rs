@@ -21,8 +21,8 @@ pub struct Overlap {
 /// All pairs with `gap < -tol r_c`, where `r_c = min(r_a, r_b)` (`r_a` at a wall), sorted by `(a, b)`, but no
 /// more than `cap` of them.
 ///
-/// Centres `x` (N) (m), radii (N) (m), walls (P), some of meshes as in [`super::NeighbourList::set_meshes`], by nearest images in a periodic box. O(N P) and O(N) for spheres that are
-/// not piled into one another. Where `cap` cuts the list, which pairs remain is deterministic but not meaningful.
+/// Centres `x` (N) (m), radii (N) (m), walls (P), by nearest images in a periodic box; `meshes` as in
+/// [`super::NeighbourList::set_meshes`]. O(N P) and O(N) for spheres that are not piled into one another. Where `cap` cuts the list, which pairs remain is deterministic but not meaningful.
 /// The contract takes a gap within `tol = 1e-9` as touching.
 pub fn overlaps(
     x: &[DVec3],
