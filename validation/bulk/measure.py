@@ -133,6 +133,8 @@ def turns(time: F64, counts: F64, least: float) -> list[Turn]:
     Neither the start nor what comes last counts, since nobody sees whether the curve turned there.
     """
     found: list[Turn] = []
+    if not len(counts):
+        return []
     best, rising = 0, bool(counts[np.argmax(np.abs(counts - counts[0]) >= least)] > counts[0])
     for k in range(len(counts)):
         sign = 1.0 if rising else -1.0
@@ -178,14 +180,13 @@ def mean(curves: list[Curves]) -> Curves:
 
 
 def pairs(ours: Curves, expected: Curves) -> list[Pair]:
-    """Each turn of the expected curves with the nearest one of ours of its kind, as far as ours reach."""
+    """Each turn of the expected curves, as far as ours reach, with the nearest one of ours of its kind."""
     made = []
+    reached = expected.time <= ours.time[-1] + 1e-9
     for name, counts in expected.counts.items():
         least = PROMINENCE * float(np.ptp(counts))
         mine = turns(ours.time, ours.counts[name], least)
-        for turn in turns(expected.time, counts, least):
+        for turn in turns(expected.time[reached], counts[reached], least):
             same = [t for t in mine if t.peak == turn.peak]
-            nearest = min(same, key=lambda t: abs(t.time - turn.time), default=None)
-            if turn.time <= ours.time[-1]:
-                made.append(Pair(name, turn, nearest))
+            made.append(Pair(name, turn, min(same, key=lambda t: abs(t.time - turn.time), default=None)))
     return made

@@ -263,7 +263,7 @@ def cost(found: Sequence[Found]) -> str:
         spent = [n[key] for key in ("bed_cpu_s", "bed_wall_s", "flow_cpu_s", "flow_wall_s")]
         rows.append([
             f.name, f"{n['time_s']:.2f} of {n['of_s']:g} s", str(n["threads"]),
-            *("-" if value is None else f"{value:.0f}" for value in spent), f"{limit:.0f}" if limit else "-",
+            *(whole_number(value) for value in (*spent, pace(n), limit)),
         ])  # fmt: skip
     head = [
         "case",
@@ -273,9 +273,21 @@ def cost(found: Sequence[Found]) -> str:
         "wall s",
         "flow: CPU s",
         "wall s",
+        "all, at this pace: wall s",
         "LIGGGHTS, 24 ranks: wall s",
     ]
     return table(head, rows)
+
+
+def pace(numbers: dict[str, Any]) -> float | None:
+    """Wall time of all of the flow if it went on as so far, s."""
+    wall, time = numbers["flow_wall_s"], numbers["time_s"]
+    return wall * numbers["of_s"] / time if wall and time > 0 else None
+
+
+def whole_number(value: float | None) -> str:
+    """For a table."""
+    return "-" if value is None else f"{value:.0f}"
 
 
 def checks(found: Sequence[Found]) -> str:
