@@ -33,6 +33,7 @@ FEW = [
     1940,  # a damper and impacts that turn velocities around and leave the kinetic energy as it is
     1999,  # the potential of a spring near its rest length, to a rounding of the coordinates
     189,  # not solved: a ball at rest with drag on a floor without gravity
+    202,  # an impact of Moreau-Jean in a drum that turns: its approach was taken where the step begins
     252,  # a moment in the penalty method, of a rounding of the spin
     659,  # a torque that turns back within a step: at both ends of it, it is the same
     *range(3),
@@ -52,8 +53,10 @@ LAWS = {"compliant": SPRINGS, "binary": SPRINGS, "sequence-paper": [(audit_rando
 PRINTED = [15, 31, 67, 81, 91]
 # Impulses of impacts were taken for loads, speeds of loads for those of their law. Sweeps had moments along one normal and
 # spins along another (111, 131). Drag stopped a run (6), rows of islands with joints were taken for those of piles (19), and
-# what Moreau-Jean leaves in each step was forgotten (22). Poisson's law took loads back along other normals (29, 92).
-PILES = [1, 5, 6, 9, 13, 15, 19, 22, 29, 57, 58, 92, 111, 115, 131, 254, 317]
+# what Moreau-Jean leaves in each step was forgotten (22). Poisson's law took loads back along other normals (29, 92). A start
+# that needed no sweep had moments that no row has (59), a group without restitution was asked for the energy of another (80),
+# and the reactions of a rod were taken for what loads do alone (128).
+PILES = [1, 5, 6, 9, 13, 15, 19, 22, 29, 57, 58, 59, 80, 92, 111, 115, 128, 131, 254, 317]
 # A ball over the diagonal of a square, known to be on an edge that is none (87, 195); planes of triangles that single
 # precision turns; a ball that a corner takes along a wall that turns, and loads that see it faster there.
 MESHES = [0, 2, 5, 8, 20, 87, 195]

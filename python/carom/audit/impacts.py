@@ -96,7 +96,10 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     if start:
         centre = block.x0[r.k, r.a]
         _, foot = run.meet(t[r.k], r.a, r.b, centre, block.x0[r.k, ball])
-        normal = foot if run.loads_once else normal
+        if run.loads_once:
+            normal = foot
+        elif run.method == "moreau":  # of which all is of the middle of the step
+            foot = normal
     else:
         centre = at_walls(block, r.k, r.a, r.b, normal)
     motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])

@@ -150,11 +150,13 @@ def turns(block: Block, shift: F64) -> Turns:
     slide = slide - (dot(slide, both) / (0.5 * dot(both, both)))[:, None] * both  # turned the shortest way
     slide = 0.5 * run.h * slide
     rest = c.position_impulse - slide - (0.5 * run.h * normal)[:, None] * middle
-    slide = slide + parts(rest, c.normal)[1]
+    closed, across = parts(rest, c.normal)
+    slide = slide + across
     apart = norm(cross(middle, c.normal))
     return Turns(
         np.where(known[:, None], cross(middle, slide), along_mean(c.position_impulse, first, then).arm),
-        np.where(known, 0.0, unknown_across(block, shift)),
+        # A jam may multiply what its loads change by; the whole correction of its gaps is then theirs.
+        np.where(known, apart * np.abs(closed), unknown_across(block, shift)),
         np.where(known, apart, 1.0),
     )
 

@@ -68,9 +68,9 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
     else:
         block.skip(tally, "momentum", "springs and drag: " + PARTS, hidden)
     _momentum(block, tally, sums, loads, known)
-    _spin(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
     touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
+    _spin(block, tally, sums, loads, known, touched)
     ways, way_bound = _position(block, tally, sums, loads, touched)
     turns, turn_bound = _rotation(block, sums, loads, touched)
     bound = np.stack([way_bound, turn_bound], axis=-1)
@@ -127,7 +127,7 @@ def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) ->
     _take(block, tally, "momentum", value, _rounding(block) * size + loads.slack[..., 0], known)
 
 
-def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) -> None:
+def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touched: Bool) -> None:
     run = block.run
     inertia = run.inertia[:, None]
     given = loads.impulse[..., 3:]
@@ -135,7 +135,7 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) -> Non
     value = np.minimum(*(norm(change - moment) for moment in s.moments))
     size = inertia[:, 0] * (norm(block.w0) + norm(block.w1)) + norm(given) + s.moment_size
     # Moments that cancel in the sweeps over a contact were as large as those of the weight.
-    size = size + np.where(s.count > 0, run.radius * run.mass * norm(run.gravity), 0.0) * block.dt[:, None]
+    size = size + np.where(touched, run.radius * run.mass * norm(run.gravity), 0.0) * block.dt[:, None]
     bound = _rounding(block) * size + loads.slack[..., 1] + s.turned
     _take(block, tally, "spin", value, bound, known)
 

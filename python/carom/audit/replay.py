@@ -485,15 +485,19 @@ class Replay:
             loads, motion = self.r.problem == 0, self.now.copy()
             motion[at] += change
             anew = np.flatnonzero(loads & ~self.kept)
-            since = total(self._work_since(rows, motion))
-            since = since - np.bincount(self.r.k[anew], self._work_since(anew, motion), minlength=count)
             # What remains of them is answered anew: nothing holds the joints before this problem.
             redone = self.answering & (np.bincount(self.r.k, loads, minlength=count) > 0)
             # Who has given up restitution is not asked whether the loads alone had left less.
-            asked = np.bincount(r.k, r.scale, minlength=count) > 0.0
-            gained = np.where(
-                asked, np.where(redone, since, np.maximum(gained, since)), np.where(redone, 0.0, gained)
+            given_up = np.zeros(len(motion), dtype=bool)
+            ends = self.at[0], np.where(self.r.b < run.bodies, self.at[1], self.at[0])
+            for of in ends:
+                given_up[of[rows][r.scale == 0.0]] = True
+            asked = ~(given_up[ends[0]] | given_up[ends[1]])
+            since = total(self._work_since(rows, motion) * asked[rows])
+            since = since - np.bincount(
+                self.r.k[anew], self._work_since(anew, motion) * asked[anew], minlength=count
             )
+            gained = np.where(redone, since, np.maximum(gained, since))
         if run.impact_law.restitution == "poisson":
             # An expansion gives back what its compression took.
             gained = since = since + (self.spent if r.problem[0] > 1 else 0.0)

@@ -114,6 +114,7 @@ impl Pile {
 
     /// Makes the problem at hand the one of the sweeps, started from `start`.
     pub(super) fn load_sweeps(&mut self) -> Result<(), SpheresError> {
+        self.drop_missing_rows();
         let (bodies, places) = self.problem_nodes.of(&self.bodies, &self.places);
         let places = (places.len() >= SORTED_SPHERES).then_some(places);
         self.sweeps
@@ -127,6 +128,27 @@ impl Pile {
         let (rolls, moments) = (&self.rolls, &self.start_moments);
         self.sweeps
             .set_rolls(bodies, &self.contacts, rolls, moments)
+    }
+
+    /// Takes from the start what acts along rows that a contact has not: normals have turned since, a start that is good enough is not swept, and
+    /// nothing records what no row has.
+    fn drop_missing_rows(&mut self) {
+        let (threads, contacts, rolls) = (self.sweeps.threads, &self.contacts, &self.rolls);
+        let along = |k: usize, x: [f64; 3]| {
+            let (x, n) = (DVec3::from(x), DVec3::from(contacts[k].normal));
+            let along = x.dot(n) * n;
+            [along, x - along]
+        };
+        chunks::each(threads, &mut self.start, |k, start| {
+            if contacts[k].friction == 0.0 {
+                *start = along(k, *start)[0].to_array();
+            }
+        });
+        for (k, (moment, roll)) in self.start_moments.iter_mut().zip(rolls).enumerate() {
+            let [spinning, rolling] = along(k, *moment);
+            let kept = |radius: f64, part: DVec3| if radius > 0.0 { part } else { DVec3::ZERO };
+            *moment = (kept(roll.spinning, spinning) + kept(roll.rolling, rolling)).to_array();
+        }
     }
 
     /// Takes impulses and corrections from the sweeps.
