@@ -122,6 +122,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "must be ... everywhere, found ... at ... = ...": [
         ("contact", "restitution = 0.5 -> restitution = { table = [[0, 0.5], [1, 2.0]] }")
     ],
+    "cohesion is given without rupture_distance": [
+        ("contact", "restitution = 0.5 -> restitution = 0.5\ncohesion = 0.1")
+    ],
     "expected a formula, found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = 3 }]\n')],
     "cannot read ...: ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "2*" }]\n')],
     "unknown name ... in ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "x" }]\n')],

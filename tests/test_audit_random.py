@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import audit_cohesive
 import audit_events
 import audit_meshes
 import audit_mixed
@@ -53,9 +54,9 @@ LAWS = {"compliant": SPRINGS, "binary": SPRINGS, "sequence-paper": [(audit_rando
 PRINTED = [15, 31, 67, 81, 91]
 # Impulses of impacts were taken for loads, speeds of loads for those of their law. Sweeps had moments along one normal and
 # spins along another (111, 131). Drag stopped a run (6), rows of islands with joints were taken for those of piles (19), and
-# what Moreau-Jean leaves in each step was forgotten (22). Poisson's law took loads back along other normals (29, 92). A start
-# that needed no sweep had moments that no row has (59), a group without restitution was asked for the energy of another (80),
-# and the reactions of a rod were taken for what loads do alone (128).
+# what Moreau-Jean leaves in each step was forgotten (22). Poisson's law took loads back along other normals (29, 92). A
+# start that needed no sweep had moments that no row has (59), a group without restitution was asked for the energy of
+# another (80), and the reactions of a rod were taken for what loads do alone (128).
 PILES = [1, 5, 6, 9, 13, 15, 19, 22, 29, 57, 58, 59, 80, 92, 111, 115, 128, 131, 254, 317]
 # A ball over the diagonal of a square, known to be on an edge that is none (87, 195); planes of triangles that single
 # precision turns; a ball that a corner takes along a wall that turns, and loads that see it faster there.
@@ -88,6 +89,7 @@ KINDS: dict[str, list[tuple[ModuleType, list[int], int, Any, dict[str, Any]]]] =
         for table in ("contacts", "impacts")
     },
     "random scenes with meshes": [(audit_meshes, MESHES, 200, STOPS, {})],
+    "random scenes with cohesion": [(audit_cohesive, [*range(12)], 200, STOPS, {})],
     "random piles": [(audit_piles, PILES, 200, nullcontext(), {})],
     "random scenes of method events": [(audit_events, [112, 260, *range(6)], 300, STOPS, {})],
 }

@@ -123,6 +123,8 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "tangential_restitution": ("e_t", "et"),
     "rolling_radius": ("rho", "rolling_friction", "rolling_resistance"),
     "spinning_radius": ("delta", "spinning_friction"),
+    "cohesion": ("adhesion", "pull_off_force", "attraction"),
+    "rupture_distance": ("cohesion_range", "rupture"),
     "spectral_radius": ("rho_inf",),
     "radius": ("r",),
     "mass": ("m",),

@@ -31,8 +31,8 @@ pub(crate) fn list(model: &Model, state: &State, scratch: &mut Scratch) -> Resul
 #[derive(Clone, Copy)]
 pub(crate) struct NearPair {
     pub pair: (u32, u32),
-    gap: f64,
-    law: u32,
+    pub gap: f64,
+    pub law: u32,
 }
 
 /// Turns listed pairs into candidate contacts, with frames of t_n.

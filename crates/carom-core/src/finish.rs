@@ -1,6 +1,7 @@
 //! The end of a step: line 41 of Algorithm 1, the new state, energies and penetration. Nothing of the state was written before.
 
 use crate::blow_up::{self, Watch};
+use crate::cohesion;
 use crate::contact::Contact;
 use crate::force::total::{motion_of, power, weight_potential};
 use crate::model::Model;
@@ -45,6 +46,12 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         let (position, contacts) = (&scratch.position, &scratch.contacts);
         let impulses = &mut scratch.wall_impulse;
         report.energy_work = (scratch.walls).collect(model, state, position, contacts, impulses);
+        report.energy_work +=
+            cohesion::on_walls(model, state, &scratch.walls, &scratch.wall_pulls, impulses);
+    }
+    if model.cohesive_reach() > 0.0 {
+        scratch.attraction = cohesion::potential(model, state, scratch, &scratch.position)?;
+        potential += scratch.attraction;
     }
     write(model, state, scratch);
     if !model.is_free() {

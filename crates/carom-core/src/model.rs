@@ -28,6 +28,9 @@ pub struct ContactLaw {
     pub stiffness: f64,
     /// Tangential restitution e_T in (-1, 1).
     pub tangential_restitution: f64,
+    /// Attraction in touch, N, and the gap at which it has fallen to nothing, m.
+    pub cohesion: f64,
+    pub rupture_distance: f64,
 }
 
 impl ContactLaw {

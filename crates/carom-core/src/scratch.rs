@@ -1,5 +1,6 @@
 //! What can be recomputed: allocated once, reused in every step.
 
+use crate::cohesion::WallPull;
 use crate::contact::Contact;
 use crate::flow::Exchange;
 use crate::force::LoadError;
@@ -69,6 +70,10 @@ pub struct Scratch {
     pub joint_reaction: Vec<[DVec3; 2]>,
     /// Impulse on every wall in the step and its moment about the wall's place, N s and N m s; empty unless recorded.
     pub wall_impulse: Vec<[DVec3; 2]>,
+    /// Potential energy of cohesion at the end of the step, J.
+    pub(crate) attraction: f64,
+    /// What walls pulled balls with.
+    pub(crate) wall_pulls: Vec<WallPull>,
     /// Power at t_n of loads without potential, W.
     pub power: f64,
 }
@@ -101,6 +106,8 @@ impl Scratch {
             solve: SolveScratch::new(model),
             pile: Pile::new(),
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
+            attraction: 0.0,
+            wall_pulls: Vec::new(),
             wall_impulse: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             ..Scratch::default()
         }

@@ -1,5 +1,6 @@
 //! A run: model, state, scratch and records together; halving of steps that fail, monitors, outcome.
 
+use crate::cohesion;
 use crate::cures::cures;
 use crate::flow::exchange::exchange;
 use crate::flow::Exchange;
@@ -102,6 +103,7 @@ impl Simulation {
         }
         let at = motion_of(&state, 0.0);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
+        potential += cohesion::first_potential(&model, &state, &mut scratch);
         Simulation {
             scratch,
             stepper,
@@ -226,6 +228,12 @@ impl Simulation {
             walls.place(&self.model, time);
             let mut at_end = exchange(&self.model, &mut self.state, walls, (number, time));
             at_end.follow(left);
+            if at_end.removed > 0 && self.model.cohesive_reach() > 0.0 {
+                // What leaves takes its attraction along.
+                let (scratch, state) = (&self.scratch, &self.state);
+                let rest = cohesion::potential(&self.model, state, scratch, &state.position)?;
+                at_end.energy_out[1] += scratch.attraction - rest;
+            }
             self.recorder.block.events.append(&mut at_end.events);
             report.add_exchange(&at_end);
         }

@@ -5,6 +5,7 @@
 
 use crate::all_islands;
 use crate::candidates::{list, meet, relist, start_over};
+use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::finish::finish;
 use crate::force::evaluated;
@@ -32,6 +33,10 @@ pub(crate) const MAX_RELIST: u32 = 20;
 pub fn step(on: &mut Step) -> Result<(), Failure> {
     predict_and_smooth(on)?;
     on.timers.mark(Phase::Predict);
+    if on.model.cohesive_reach() > 0.0 {
+        list_pairs(on.model, on.state, on.scratch, on.span.h)?;
+        cohesion::pull(on.model, on.state, on.scratch, on.span)?;
+    }
     let fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
     travel::check(on.model, on.state, on.scratch, fastest)?;
     on.timers.mark(Phase::Broad);
@@ -70,12 +75,13 @@ pub(crate) fn predict_and_smooth(on: &mut Step) -> Result<(), Failure> {
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<f64, Failure> {
     let (walls, linear) = (&scratch.walls, &scratch.linear);
     let (threads, moves) = (model.options.threads as usize, walls.any_moves());
+    let cohesive = model.cohesive_reach();
     let each = |first: usize, needs: &mut [f64]| {
         let mut fastest = 0.0f64;
         for (i, need) in (first..).zip(needs) {
             let (r, way) = (model.radius[i], linear[i].displacement.length());
             fastest = team::larger(fastest, way);
-            let mut reach = way + CANDIDATE_MARGIN * r;
+            let mut reach = way + CANDIDATE_MARGIN * r + cohesive;
             if moves {
                 // A fast wall may be past a sphere at the end of the step.
                 let swept = walls.speed_at(state.position[i]) * h;

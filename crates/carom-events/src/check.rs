@@ -22,6 +22,7 @@ pub fn check(model: &Model) -> Result<(), ModelError> {
         (!model.flow.inflows.is_empty(), "inflows"),
         (shapes().any(|s| matches!(s, Shape::Cone(_))), "cones"),
         (!model.meshes.is_empty(), "meshes"),
+        (model.cohesive_reach() > 0.0, "cohesion"),
         (
             has_varying_friction(model),
             "friction on a level wall that depends on the slip",

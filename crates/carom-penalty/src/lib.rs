@@ -41,6 +41,7 @@ fn check(model: &Model) -> Result<(), ModelError> {
     for (there, what) in [
         (!model.joints.is_empty(), "joints"),
         (!model.meshes.is_empty(), "meshes"),
+        (model.cohesive_reach() > 0.0, "cohesion"),
     ] {
         if there {
             let text = format!("penalty knows no {what}; choose nsga, or leave the {what} out");

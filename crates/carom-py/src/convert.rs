@@ -55,6 +55,14 @@ pub fn options(dict: &Bound<'_, PyDict>) -> PyResult<Options> {
     Ok(options)
 }
 
+/// Numbers that may be left out.
+fn given(dict: &Bound<'_, PyDict>, name: &'static str) -> PyResult<Vec<f64>> {
+    match dict.contains(name)? {
+        true => floats(dict, name),
+        false => Ok(Vec::new()),
+    }
+}
+
 /// The model's arrays.
 pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
     let gravity = floats(dict, "gravity")?;
@@ -101,10 +109,9 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         outlet: flow::outlets(dict)?,
         laws,
         friction_law: coupling::contact_laws(dict, "friction_law")?,
-        stiffness_ratio: match dict.contains("stiffness_ratio")? {
-            true => floats(dict, "stiffness_ratio")?,
-            false => Vec::new(),
-        },
+        stiffness_ratio: given(dict, "stiffness_ratio")?,
+        cohesion: given(dict, "cohesion")?,
+        rupture_distance: given(dict, "rupture_distance")?,
         restitution_law: coupling::contact_laws(dict, "restitution_law")?,
         joints: coupling::joints(dict, &radius)?,
         loads: coupling::loads(dict)?,

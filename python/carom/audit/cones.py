@@ -27,6 +27,8 @@ from carom.audit.vectors import EPS, across, dot, norm, unit
 
 #: Share of its bound from which on friction is said to slip, less than 1 by this much.
 ALMOST = 1e-9
+#: Share of `closing_tolerance_speed` by which normals may turn before loads are solved again, rad.
+KEPT = 0.1
 PARTS = "several steps, or parts of one, lie between the frames"
 
 
@@ -224,12 +226,18 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     fastest = (np.nan_to_num(forces.speeds(block))).max(axis=1, initial=0.0)
     left = left + np.where(block.large, floor(block, fastest), 0.0)[c.k]
     defects, bounds = [], []
+    # Loads are not solved again where their normals turned by next to nothing since.
+    speeds = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
+        norm(block.w0), norm(block.w1)
+    )
+    share = 2.0 * KEPT * run.loosest["closing_tolerance_speed"] * run.loads_once
+    kept = share * forces.together(block, np.nan_to_num(speeds))
     for part in forces.split(impulse, c.normal, block.start[1]):
         found = _rates(block, c.normal, part.lever)
         push = np.maximum(part.normal, 0.0)
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
-        noise = 64.0 * EPS * scale + wall_slack(block, c.k, c.a, c.b)
+        noise = 64.0 * EPS * scale + wall_slack(block, c.k, c.a, c.b) + kept
         own = compliance(run, c.a, c.b)
         still = 2.0 * own[1] * left + noise
         defect = opposed(part.sliding, found.slip, mu * push, left, still)

@@ -168,6 +168,7 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     noise = 64.0 * EPS * (np.abs(fall[k, a]).max(axis=1) + run.radius[a])
     loaded = run.answering.copy()
     loaded[[load["body"] for load in run.loads if load["kind"] == "force"]] = True
+    loaded |= run.cohesive
     loose = loaded[a] | loaded[ball] & (b < n)
     lawful = run.law_index(a, b) >= 0
     near_by = (~loose & (gap <= MARGIN * length - noise), loose | (gap <= MARGIN * length + noise))

@@ -96,7 +96,12 @@ class Run:
                 self.pairs(table, first, first + 1_000_000)  # parts have the planes that the run names
         self.wall_tables = tables(scene.wall_names, self.model)
         self.joints: list[Any] = list(self.model.get("joints", ()))
-        self.loads: list[Any] = list(self.model.get("loads", ()))
+        #: Whether some pairs attract each other.
+        self.cohesive = bool(np.any(np.asarray(self.model.get("cohesion", 0.0)) > 0.0))
+        self.loads: list[Any] = [
+            *self.model.get("loads", ()),
+            *([{"kind": "cohesion"}] if self.cohesive else []),
+        ]
         self.time = np.asarray(result.time)
         self.step = np.asarray(result.step).astype(np.int64)
         self.frames = len(self.time)
@@ -318,7 +323,8 @@ class Run:
     def answering(self) -> Bool:
         """(N,) bodies with a joint, or with loads that depend on the motion: these answer within an impact problem."""
         found = np.zeros(self.bodies, dtype=bool)
-        for one in (*self.joints, *(one for one in self.loads if one["kind"] != "force")):
+        loads = [one for one in self.loads if one["kind"] not in ("force", "cohesion")]
+        for one in (*self.joints, *loads):
             mine = [int(one[key]) for key in ("a", "b", "body") if key in one]
             found[[body for body in mine if body >= 0]] = True
             found |= not mine  # a function may act on all

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import groups, reactions
+from carom.audit import answers, cohesion, groups, reactions
 from carom.audit.block import Block, once
+from carom.audit.cones import PARTS
 from carom.audit.data import Run
 from carom.audit.forces import pushes, speeds, together
 from carom.audit.loads import of_loads, remembered
@@ -64,6 +65,8 @@ def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
         if load["kind"] == "spring":
             of_spring, off = _spring(load, block.x1, block.q1)
             found, rounding = found + of_spring, rounding + off
+    attracted = cohesion.potential(run, block.t1, block.x1)
+    found, rounding = found + attracted[0], rounding + attracted[1]
     return np.asarray(found), rounding
 
 
@@ -156,6 +159,8 @@ def _balance(block: Block, tally: Tally) -> None:
     if run.method == "moreau":
         gained = np.where(block.there, run.mass * ((block.v1 - block.v0) @ run.gravity), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
+    attracted, unsure = _attracted(block)
+    total = total - attracted
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, at = norm(c.impulse), together(block, speeds(block))
     moved = norm(c.position_impulse) * norm(run.gravity)
@@ -168,7 +173,7 @@ def _balance(block: Block, tally: Tally) -> None:
     top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
     bound = summed(_forced(block), solved + off + _walls(block))
-    bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top
+    bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top + unsure[:, None]
     # Groups on record may have been solved together, and what that leaves is in the size of all of them.
     squares = (
         np.bincount(c.k, moved**2, minlength=block.count),
@@ -183,6 +188,9 @@ def _balance(block: Block, tally: Tally) -> None:
     value = np.where(held, np.maximum(value, 0.0), value)
     bound = bound + np.where(held, block.total(_answered(run))[:, None], 0.0)
     judged = root & busy & (block.kept & ~(block.cut & (run.method == "moreau")))[:, None]
+    if run.cohesive:
+        block.skip(tally, "energy balance", "cohesion: " + PARTS, np.flatnonzero(~block.single))
+        judged &= block.single[:, None]
     k, first = np.nonzero(judged)
 
     def place(i: int) -> Place:
@@ -190,6 +198,34 @@ def _balance(block: Block, tally: Tally) -> None:
         return block.place(int(k[i]), *([int(first[i])] if own else []))
 
     tally.measure("energy balance", np.abs(value[judged]), bound[judged], place)
+
+
+def _attracted(block: Block) -> tuple[F64, F64]:
+    """(B,) by how much the energy of whole steps changes by cohesion, whose force is that of a way without contacts, and how
+    far that may be off, J: its work by the velocities before and after, its potential, and the work of moving walls by it.
+    """
+    run, none = block.run, np.zeros(block.count)
+    if not run.cohesive:
+        return none, none
+    (given, slack), fast = cohesion.on_bodies(block), speeds(block)
+    after = answers.before_contacts(block)[..., :3]
+    work = np.nansum(0.5 * dot(given, block.v0 + after), axis=1)
+    ends = [cohesion.potential(run, *at) for at in ((block.t0, block.x0), (block.t1, block.x1))]
+    pairs, impulse, _ = cohesion.pulls(block)
+    driven, carried = np.zeros((2, block.count))
+    for w, wall in enumerate(run.walls):
+        mine = np.flatnonzero(pairs.b == run.bodies + w)
+        if not wall.moves or not mine.size:
+            continue
+        k, a = pairs.k[mine], pairs.a[mine]
+        point = block.x0[k, a] - run.radius[a][:, None] * pairs.normal[mine]
+        mean = wall.velocity(block.t0[k], point)[0] + wall.velocity(block.t1[k], point, end=True)[0]
+        driven += np.bincount(k, 0.5 * dot(impulse[mine], mean), minlength=block.count)
+        carried += np.bincount(k, norm(impulse[mine]) * norm(mean), minlength=block.count)
+    solved = 4.0 * block.tolerance * np.nansum(norm(given) * fast, axis=1)
+    unsure = solved + np.nansum(2.0 * slack * fast, axis=1) + ends[0][1] + ends[1][1]
+    unsure = unsure + 64.0 * EPS * (np.nansum(norm(given) * fast, axis=1) + carried)
+    return work + ends[1][0] - ends[0][0] - driven, unsure
 
 
 def _once_step(block: Block) -> F64:
@@ -236,6 +272,7 @@ def _at_start(run: Run) -> tuple[float, float]:
     springs = sum(
         float(_spring(load, x[None], q[None])[0][0]) for load in run.loads if load["kind"] == "spring"
     )
+    springs += float(cohesion.potential(run, run.time[:1], np.where(here[:, None], x, np.nan)[None])[0][0])
     return float(np.where(here, motion, 0.0).sum()), float(np.where(here, height, 0.0).sum()) + springs
 
 

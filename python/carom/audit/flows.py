@@ -62,6 +62,7 @@ def of_frames(block: Block, tally: Tally) -> None:
     outlets, inflows = run.model.get("outlet") or (), run.model.get("inflow") or ()
     free = ~run.answering
     free[[load["body"] for load in run.loads if load["kind"] == "force"]] = False
+    free &= not run.cohesive
     present = np.asarray(run.result.present[block.first - 1 : block.first + block.count])
     here = present[1:] & free
     if not (outlets or inflows):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, forces, loads_once
+from carom.audit import answers, cohesion, forces, loads_once
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
@@ -199,7 +199,7 @@ def _load(block: Block) -> F64:
         # What joints answer to contacts is in their reactions, and may cancel what they give by themselves.
         alone = norm(answers.before_contacts(block)[..., :3] - block.v0)
         pushed = np.where(block.single[:, None], np.maximum(pushed, alone), pushed)
-    return np.asarray(weight + pushed)
+    return np.asarray(weight + pushed + run.h * cohesion.most(block) / run.mass)
 
 
 def _walls(block: Block) -> F64:

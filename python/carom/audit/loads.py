@@ -10,9 +10,10 @@ import numpy as np
 
 from carom.arrays import F64, I64, Bool
 from carom.audit.block import Block, once
+from carom.audit.cohesion import on_bodies
 from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
-from carom.audit.forces import curvature, pushes, shifts, strokes, together
+from carom.audit.forces import curvature, of_contacts, pushes, shifts, strokes, together
 from carom.audit.formula import law
 from carom.audit.vectors import cross, dot, norm, rotated, unit
 
@@ -65,6 +66,8 @@ def of_loads(block: Block) -> Loads:
             _applied(block, load, found)
         elif load["kind"] == "callable":
             found.unknown[:] = True
+        elif load["kind"] == "cohesion":
+            _cohesion(block, found)
         else:
             _of_motion(block, load, found)
     if run.joints:
@@ -95,6 +98,18 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
         slack = block.total(loose[:, j])
         out.slack[:, body, j // 3] += slack
         out.shift_slack[:, body, j // 3] += slack * block.dt / scale[j]
+
+
+def _cohesion(block: Block, out: Loads) -> None:
+    """Attraction of pairs: known from the frame before a whole step."""
+    impulse, slack = on_bodies(block)
+    way, mass = 0.5 * block.dt[:, None], block.run.mass
+    out.impulse[..., :3] += impulse
+    out.slack[..., 0] += slack
+    out.spread[..., 0] += norm(impulse)
+    out.shift[..., :3] += (way / mass)[..., None] * impulse
+    out.shift_slack[..., 0] += way * slack / mass
+    out.unknown |= ~block.single[:, None]
 
 
 #: Times in a step at which forces in time are looked at for how much they vary in it.
@@ -351,12 +366,15 @@ def solved_again(block: Block) -> F64:
         return np.zeros(block.count)
     dt = block.dt[:, None, None]
     moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.gravity)
+    pulled = norm(on_bodies(block)[0])
+    if run.cohesive:  # what it pulls in contacts push out again
+        moved = np.maximum(moved, norm(of_contacts(block).shift) / run.mass)
     fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
         norm(block.w0), norm(block.w1)
     )
     way = together(block, moved)
     turned = np.minimum(way * curvature(block), 1.0)
-    each = turned * together(block, run.mass * (fast + run.h * norm(run.gravity)))
+    each = turned * together(block, run.mass * (fast + run.h * norm(run.gravity)) + pulled)
     for k in np.unique(c.b[c.b >= run.bodies]):
         rows = np.flatnonzero(c.b == k)
         turning = run.walls[k - run.bodies].turning(block.t1[c.k[rows]])

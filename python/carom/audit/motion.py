@@ -20,6 +20,7 @@ import numpy as np
 from carom.arrays import F64, Bool
 from carom.audit import answers, forces
 from carom.audit.block import Block
+from carom.audit.cohesion import pulls
 from carom.audit.cones import PARTS
 from carom.audit.corrections import groups
 from carom.audit.forces import Sums
@@ -66,7 +67,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         cure = "judge the run with a load that a scenario can hold"
         tally.skip("momentum", f"the Python load {run.opaque[0]} is in no file", cure, len(hidden))
     else:
-        block.skip(tally, "momentum", "springs and drag: " + PARTS, hidden)
+        block.skip(tally, "momentum", "cohesion, springs and drag: " + PARTS, hidden)
     _momentum(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
     touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
@@ -225,6 +226,15 @@ def walls(block: Block, tally: Tally) -> None:
     at = (c.k[rows], owner[c.b[rows] - run.bodies])
     add_at(summed, at, -c.impulse[rows])
     add_at(size, at, norm(c.impulse[rows]))
+    known = np.ones(block.count, dtype=bool)
+    if run.cohesive:
+        known = block.single
+        block.skip(tally, "wall impulse", "cohesion: " + PARTS, np.flatnonzero(~known))
+        pairs, impulse, slack = pulls(block)
+        pulled = pairs.b >= run.bodies
+        at = (pairs.k[pulled], owner[pairs.b[pulled] - run.bodies])
+        add_at(summed, at, -impulse[pulled])
+        add_at(size, at, norm(impulse[pulled]) + slack[pulled] / EPS)
     value = norm(given[..., :3] - summed)
     bound = (
         EPS
@@ -233,7 +243,7 @@ def walls(block: Block, tally: Tally) -> None:
         * np.sqrt(1.0 + np.bincount(c.k, minlength=block.count))[:, None]
     )
     count = given.shape[1]
-    kept = np.flatnonzero(np.broadcast_to(block.kept[:, None], value.shape))
+    kept = np.flatnonzero(np.broadcast_to((block.kept & known)[:, None], value.shape))
     tally.measure("wall impulse", value.ravel()[kept], bound.ravel()[kept],
                   lambda i: block.place(int(kept[i]) // count, run.bodies + int(kept[i]) % count))  # fmt: skip
     _wall_moments(block, tally, given, rows)
@@ -262,11 +272,28 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     add_at(summed, (k, b), -cross(lever, c.impulse[rows]) - c.moment[rows])
     extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
     add_at(size, (k, b), extent * norm(c.impulse[rows]) + norm(c.moment[rows]))
+    if run.cohesive:
+        _pulled_moments(block, summed, size)
     value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size
     count = given.shape[1]
     kept = np.flatnonzero(np.broadcast_to(judged[:, None], value.shape))
     tally.measure("wall moment", value.ravel()[kept], bound.ravel()[kept],
                   lambda i: block.place(int(kept[i]) // count, run.bodies + int(kept[i]) % count))  # fmt: skip
+
+
+def _pulled_moments(block: Block, summed: F64, size: F64) -> None:
+    """Adds the moments of cohesion on walls, and their sizes: balls pull where the step begins."""
+    run, (pairs, impulse, slack) = block.run, pulls(block)
+    owner = np.array(run.parts.owner, dtype=np.int64)
+    for w in range(len(run.walls)):
+        mine = np.flatnonzero(pairs.b == run.bodies + w)
+        k, a = pairs.k[mine], pairs.a[mine]
+        x, place = block.x0[k, a], run.walls[owner[w]].place(block.t1[k])
+        lever = run.between(x, place) - run.radius[a][:, None] * pairs.normal[mine]
+        extent = norm(lever) + norm(x) + run.radius[a]
+        at = (k, np.full(len(mine), owner[w]))
+        add_at(summed, at, -cross(lever, impulse[mine]))
+        add_at(size, at, extent * (norm(impulse[mine]) + slack[mine] / EPS))
 
 
 def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:

@@ -58,6 +58,9 @@ pub struct ModelInput {
     pub restitution_law: Vec<Option<Scalar>>,
     /// Per law: its stiffness over that of others. Empty: 1.
     pub stiffness_ratio: Vec<f64>,
+    /// Attraction in touch, N, and rupture distance, m; none given: 0.
+    pub cohesion: Vec<f64>,
+    pub rupture_distance: Vec<f64>,
     pub joints: Vec<Joint>,
     pub loads: Vec<Arc<dyn Load>>,
 }

@@ -256,6 +256,10 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
         finite("contact law", index, "coefficients", values)?;
         let stiffness = input.stiffness_ratio.get(index).copied().unwrap_or(1.0);
         let stiff = stiffness > 0.0 && stiffness.is_finite();
+        let of = |list: &[f64]| list.get(index).copied().unwrap_or(0.0);
+        let (cohesion, rupture) = (of(&input.cohesion), of(&input.rupture_distance));
+        let attracts = cohesion >= 0.0 && cohesion.is_finite();
+        let reaches = rupture.is_finite() && rupture >= 0.0 && (rupture > 0.0 || cohesion == 0.0);
         #[rustfmt::skip]
         let ranges = [
             ("friction", mu, mu >= 0.0, "not be negative"),
@@ -264,6 +268,8 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             ("restitution", e_n, (0.0..=1.0).contains(&e_n), "lie in [0, 1]"),
             ("tangential_restitution", e_t, -1.0 < e_t && e_t < 1.0, "lie in (-1, 1)"),
             ("stiffness_ratio", stiffness, stiff, "be finite and above 0"),
+            ("cohesion", cohesion, attracts, "be finite and not negative"),
+            ("rupture_distance", rupture, reaches, "be finite and above 0 where there is cohesion"),
         ];
         if let Some((quantity, value, _, must)) = ranges.into_iter().find(|range| !range.2) {
             let text = format!("is {value}; it must {must}");
@@ -292,6 +298,8 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             restitution_law,
             stiffness,
             tangential_restitution: e_t,
+            cohesion,
+            rupture_distance: rupture,
         });
     }
     Ok((laws, table, materials))

@@ -7,6 +7,7 @@
 
 use super::method::Step;
 use super::{Coefficients, Span};
+use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::force::evaluated;
 use crate::force::total::{add_loads, motion_of};
@@ -48,6 +49,11 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
         weigh_loads(model, on.state, on.scratch, whole.start)?;
     }
     step::predict_and_smooth(on)?;
+    if model.cohesive_reach() > 0.0 {
+        on.scratch.position.clone_from(&on.state.position);
+        list_pairs(model, on.state, on.scratch)?;
+        cohesion::pull(model, on.state, on.scratch, whole)?;
+    }
     for i in 0..model.spheres() {
         on.scratch.position[i] = on.state.position[i] + 0.5 * whole.h * on.state.velocity[i];
     }
@@ -122,13 +128,13 @@ fn move_by_predictions(state: &State, scratch: &mut Scratch) {
 
 /// Lists every pair that may overlap at `scratch.position`. The largest way of a sphere in its smooth motion, m.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64, Failure> {
-    let mut fastest = 0.0f64;
+    let (mut fastest, cohesive) = (0.0f64, model.cohesive_reach());
     for i in 0..model.spheres() {
         // The whole way of the smooth step too: what lies on it must be known.
         let smooth = scratch.linear[i].displacement.length();
         fastest = fastest.max(smooth);
         let way = (scratch.position[i] - state.position[i]).length();
-        let need = way.max(smooth) + CANDIDATE_MARGIN * model.radius[i];
+        let need = way.max(smooth) + CANDIDATE_MARGIN * model.radius[i] + cohesive;
         scratch.need[i] = state.need(model, i, need);
     }
     candidates::list(model, state, scratch)?;

@@ -71,7 +71,7 @@ impl WallTwist {
         self.material + normal * normal.dot(self.shape - self.material)
     }
 
-    pub(super) fn mean(&self, other: &WallTwist) -> WallTwist {
+    pub(crate) fn mean(&self, other: &WallTwist) -> WallTwist {
         WallTwist {
             shape: 0.5 * (self.shape + other.shape),
             material: 0.5 * (self.material + other.material),

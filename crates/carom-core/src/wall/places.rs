@@ -254,7 +254,7 @@ impl Walls {
     }
 
     /// Point that moments on wall `b` are about, where it is now.
-    fn point(&self, model: &Model, b: u32) -> DVec3 {
+    pub(crate) fn point(&self, model: &Model, b: u32) -> DVec3 {
         match (model.mesh_of(b), self.course(model, b)) {
             (None, _) => self.now[b as usize - model.spheres()].place(),
             (Some(mesh), Some(course)) => course.by.point(mesh.point),

@@ -24,7 +24,7 @@ EXPANDED = 10_000
 
 LAW_KEYS = (
     *("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius"),
-    "stiffness_ratio",
+    *("stiffness_ratio", "cohesion", "rupture_distance"),
 )
 
 VARYING = ("friction", "restitution")

@@ -73,13 +73,16 @@ class Builder:
         rolling_radius: Number | None = None,
         spinning_radius: Number | None = None,
         stiffness_ratio: float | None = None,
+        cohesion: Number | None = None,
+        rupture_distance: Number | None = None,
     ) -> Contact:
         """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
 
         `friction` mu >= 0, a number or a law of the slip speed `v`, as "0.01 + 0.1*exp(-v)" or any `{"expression": ...}`;
         `restitution` e_N in [0, 1], the same of the approach speed; `tangential_restitution` e_T in (-1, 1);
         `rolling_radius` rho and `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m;
-        `stiffness_ratio` over other pairs of equal radii, for impacts through springs.
+        `stiffness_ratio` over other pairs of equal radii, for impacts through springs; `cohesion` in touch, N, which falls
+        linearly to nothing at the gap `rupture_distance`, m.
         """
         label = f"Scene.contact({quoted(a)}, {quoted(b)})"
         contact = make(
@@ -92,6 +95,8 @@ class Builder:
             rolling_radius=rolling_radius,
             spinning_radius=spinning_radius,
             stiffness_ratio=stiffness_ratio,
+            cohesion=cohesion,
+            rupture_distance=rupture_distance,
         )
         if any({*known.between} == {a, b} for known in self._tree.contact):
             cause = f"there is already a law for {quoted(a)} and {quoted(b)}"

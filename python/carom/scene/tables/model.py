@@ -7,7 +7,9 @@ in `options`.
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
+
+from pydantic import model_validator
 
 from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
@@ -23,6 +25,7 @@ from carom.scene.tables.fields import (
     Quantity,
     Text,
     Version,
+    refuse,
 )
 from carom.scene.tables.flow import Inflow, Outlet, Region
 from carom.scene.tables.joints import Joint
@@ -126,6 +129,19 @@ class Contact(Table):
     spinning_radius: Distance = key(
         "delta: bound of the spinning moment over the normal force", "m", default=0.0
     )
+    cohesion: Annotated[float, Quantity("force", NOT_NEGATIVE)] = key(
+        "attraction of the surfaces where they touch: the pull-off force", "N", default=0.0
+    )
+    rupture_distance: Distance = key(
+        "gap at which cohesion, which falls linearly with the gap, is gone", "m", default=0.0
+    )
+
+    @model_validator(mode="after")
+    def _cohesion_has_a_reach(self) -> Self:
+        if self.cohesion and not self.rupture_distance:
+            cure = "add the gap at which it is gone, in m; one that is small beside the balls makes a pull-off force"
+            raise refuse("cohesion is given without rupture_distance", cure)
+        return self
 
     def label(self) -> str:
         return f'scene.contact("{self.between[0]}", "{self.between[1]}")'

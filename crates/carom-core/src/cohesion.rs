@@ -1,0 +1,211 @@
+//! Cohesion: surfaces that touch, or nearly do, attract each other. `docs/theory/algorithm.md` section 13.
+//!
+//! Symbols: `f` force in touch, `d` rupture distance, `g` gap. `F = f (1 - g/d)` for `0 <= g < d`, and `f` in touch. The potential is
+//! `-f (d - g)^2/(2 d)`. It belongs to the smooth motion: each step it gives its pairs an impulse, which contacts take like that of any load.
+
+use crate::candidates::{self, NearPair};
+use crate::contact::Contact;
+use crate::model::{ContactLaw, Model};
+use crate::options::Method;
+use crate::outcome::Failure;
+use crate::scratch::Scratch;
+use crate::state::State;
+use crate::stepper::Span;
+use crate::wall::places::Walls;
+use glam::DVec3;
+
+/// Share (1) of a way that its own change of the attraction takes, above which a step is too long to tell that way. Above 1 there is none.
+const RESOLVED: f64 = 0.5;
+
+/// What a wall pulled a ball with in a step: their contact as at t_n, and the impulse on the ball.
+pub(crate) type WallPull = (Contact, DVec3);
+
+impl ContactLaw {
+    /// Attraction at a gap, N.
+    fn attraction(&self, gap: f64) -> f64 {
+        let d = self.rupture_distance;
+        self.cohesion * (1.0 - gap.clamp(0.0, d) / d)
+    }
+
+    /// Work that takes a pair apart from a gap on, J.
+    fn work_of_rupture(&self, gap: f64) -> f64 {
+        let d = self.rupture_distance;
+        let left = d - gap.clamp(0.0, d);
+        0.5 * self.cohesion * left * left / d
+    }
+
+    /// The attraction in a step of `h` that begins at a gap with a speed at which it opens, N: the mean on the way that it leaves the pair, which
+    /// ends in touch. What a step tears apart loses the work of rupture. A step too long to tell the way has that of its begin.
+    fn mean_attraction(&self, gap: f64, opening: f64, inverse_mass: f64, h: f64) -> f64 {
+        let (now, d) = (self.attraction(gap), self.rupture_distance);
+        let (free, per_force) = (h * opening, 0.5 * h * h * inverse_mass);
+        let work = self.work_of_rupture(gap);
+        let left = free * free - 4.0 * per_force * work;
+        if opening > 0.0 && left > 0.0 {
+            let torn = 0.5 * (free + left.sqrt());
+            if torn >= d - gap {
+                return work / torn;
+            }
+        }
+        let change = 0.5 * per_force * self.cohesion / d;
+        let way = match change < RESOLVED {
+            true => (free - per_force * now) / (1.0 - change),
+            false => free.min(0.0),
+        };
+        0.5 * (now + self.attraction(gap + way))
+    }
+}
+
+/// The gap of a pair; none where it touches: what solvers leave of gaps is no way.
+fn apart(model: &Model, (a, b): (u32, u32), gap: f64) -> f64 {
+    let of_b = model
+        .radius
+        .get(b as usize)
+        .copied()
+        .unwrap_or(f64::INFINITY);
+    let smaller = model.radius[a as usize].min(of_b);
+    match gap <= model.options.touching_tolerance * smaller {
+        true => 0.0,
+        false => gap,
+    }
+}
+
+impl Model {
+    /// The largest rupture distance, m; 0 where nothing is cohesive.
+    pub fn cohesive_reach(&self) -> f64 {
+        let reach = |law: &ContactLaw| match law.cohesion > 0.0 {
+            true => law.rupture_distance,
+            false => 0.0,
+        };
+        self.laws.iter().map(reach).fold(0.0, f64::max)
+    }
+}
+
+/// Pairs of cohesive laws whose gap at `position` is below the largest rupture distance, or below `swept` beyond it.
+fn near(
+    model: &Model,
+    state: &State,
+    scratch: &Scratch,
+    position: &[DVec3],
+    swept: f64,
+) -> Result<Vec<NearPair>, Failure> {
+    let margin = (model.cohesive_reach() + swept) / scratch.smallest;
+    let pairs = scratch.neighbours.pairs();
+    let mut found = Vec::new();
+    candidates::near_pairs(
+        model,
+        state,
+        &scratch.walls,
+        position,
+        pairs,
+        margin,
+        &mut found,
+    )?;
+    found.retain(|near| model.laws[near.law as usize].cohesion > 0.0);
+    Ok(found)
+}
+
+/// Adds the cohesion of a step to its smooth motion. The list of pairs is that of the step.
+pub(crate) fn pull(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    span: Span,
+) -> Result<(), Failure> {
+    scratch.wall_pulls.clear();
+    let (h, walls) = (span.h, &scratch.walls);
+    let swept = |x: &DVec3| 2.0 * h * walls.speed_at(*x);
+    let swept = match walls.any_moves() {
+        true => state.position.iter().map(swept).fold(0.0, f64::max),
+        false => 0.0,
+    };
+    let way = match model.options.method {
+        Method::MoreauJean => model.options.theta * h,
+        _ => 0.5 * h,
+    };
+    for near in near(model, state, scratch, &state.position, swept)? {
+        let c = candidates::contact(model, state, &scratch.walls, &near)?;
+        let (a, b, law) = (c.a as usize, c.b as usize, c.law(model));
+        if c.gap_start >= law.rupture_distance {
+            continue;
+        }
+        let of_wall = scratch.walls.start_twist(model, &c, state.position[a]);
+        let other = match of_wall {
+            Some(wall) => wall.shape,
+            None => state.velocity.get(b).copied().unwrap_or_default(),
+        };
+        let of_b = model.inv_mass.get(b).copied().unwrap_or(0.0);
+        let opening = c.n0.dot(state.velocity[a] - other);
+        let gap = apart(model, (c.a, c.b), c.gap_start);
+        let force = law.mean_attraction(gap, opening, model.inv_mass[a] + of_b, h);
+        let impulse = -h * force * c.n0;
+        for (i, impulse, inverse) in [(a, impulse, model.inv_mass[a]), (b, -impulse, of_b)] {
+            if let Some(p) = scratch.linear[..model.spheres()].get_mut(i) {
+                p.velocity += inverse * impulse;
+                p.displacement += way * inverse * impulse;
+                scratch.position[i] = state.position[i] + p.displacement;
+            }
+        }
+        if model.record_walls && c.is_wall(model) {
+            scratch.wall_pulls.push((c, impulse));
+        }
+    }
+    Ok(())
+}
+
+/// Adds what cohesion gave walls in the step to their impulses; returns the work that moving ones did by it, J.
+pub(crate) fn on_walls(
+    model: &Model,
+    state: &State,
+    walls: &Walls,
+    pulls: &[WallPull],
+    out: &mut [[DVec3; 2]],
+) -> f64 {
+    let mut work = 0.0;
+    for (c, impulse) in pulls {
+        let x = state.position[c.a as usize];
+        let lever =
+            model.periodic.nearest(x - walls.point(model, c.b)) - model.radius[c.a as usize] * c.n0;
+        let on_wall = &mut out[model.wall(c.b).given as usize];
+        on_wall[0] -= *impulse;
+        on_wall[1] -= lever.cross(*impulse);
+        let ends = walls
+            .start_twist(model, c, x)
+            .zip(walls.end_twist(model, c, x));
+        if let Some((start, end)) = ends {
+            work += impulse.dot(start.mean(&end).shape);
+        }
+    }
+    work
+}
+
+/// Potential energy of all pairs at a position, walls where they are now, J. The list of pairs reaches as far as cohesion does.
+pub(crate) fn potential(
+    model: &Model,
+    state: &State,
+    scratch: &Scratch,
+    position: &[DVec3],
+) -> Result<f64, Failure> {
+    let found = near(model, state, scratch, position, 0.0)?;
+    let work = |near: &NearPair| {
+        let gap = apart(model, near.pair, near.gap);
+        model.laws[near.law as usize].work_of_rupture(gap)
+    };
+    Ok(-found.iter().map(work).sum::<f64>())
+}
+
+/// The same at the start of a run, where nothing has been listed.
+pub(crate) fn first_potential(model: &Model, state: &State, scratch: &mut Scratch) -> f64 {
+    let reach = model.cohesive_reach();
+    if reach == 0.0 {
+        return 0.0;
+    }
+    scratch.walls.place(model, 0.0);
+    for i in 0..model.spheres() {
+        scratch.need[i] = state.need(model, i, reach);
+    }
+    // Too many pairs, or one without a law: the first step says so.
+    let listed = candidates::list(model, state, scratch);
+    let found = listed.and_then(|()| potential(model, state, scratch, &state.position));
+    found.unwrap_or(0.0)
+}

@@ -1,0 +1,148 @@
+"""Cohesion: what attracting pairs gave each body in a step, from the frame before it, and their potential (algorithm,
+section 13).
+
+`F = f (1 - g/d)` at gaps `0 <= g < d`, `f` in touch. In a step that a pair begins at the gap `g`, opening at `u`, it is the
+mean on the way that it leaves the pair, `y = h u - c F`, `c = h^2/2 (1/m_A + 1/m_B)`: with `W` the work of rupture from `g`
+on, `y^2 - h u y + c W = 0` where this tears the pair apart, else `F` at the middle of the way.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from carom.arrays import F64, I64
+from carom.audit.block import Block, once
+from carom.audit.data import Run
+from carom.audit.rates import Pairs, compliance, rates
+from carom.audit.vectors import EPS, add_at
+from carom.scene.packing.neighbours import pairs as neighbours
+
+RESOLVED = 0.5
+"""Share of a way that its own change of the attraction takes, above which the attraction is that of the begin."""
+
+
+class Cohesive(NamedTuple):
+    """Pairs within their rupture distance: number of the frame, bodies, gaps, normals, forces in touch and distances."""
+
+    k: I64
+    a: I64
+    b: I64
+    gap: F64
+    normal: F64
+    force: F64
+    reach: F64
+
+
+class Pulls(NamedTuple):
+    """Impulses on A, (K, 3), of the pairs of whole steps, and how far they may be off, (K,), N s."""
+
+    pairs: Cohesive
+    impulse: F64
+    slack: F64
+
+
+def within(run: Run, time: F64, x: F64) -> Cohesive:
+    """Pairs of frames with times (B,) and places (B, N, 3), which are no numbers where a body is absent."""
+    far = float(np.max(run.model["rupture_distance"]))
+    found: list[tuple[I64, I64, I64]] = []
+    for k in range(len(time)):
+        here = np.flatnonzero(np.isfinite(x[k]).all(axis=1))
+        if len(here) > 1:
+            first, second = neighbours(x[k, here], run.radius[here] + 0.6 * far, run.period)
+            low, high = (f(here[first], here[second]) for f in (np.minimum, np.maximum))
+            found.append((np.full(len(low), k), low, high))
+        for w, wall in enumerate(run.walls[: run.given_walls]):
+            if wall.mesh is None:
+                found.append((np.full(len(here), k), here, np.full(len(here), run.bodies + w)))
+            elif wall.there(time[k : k + 1])[0]:
+                local = wall.local(np.full(len(here), time[k]), x[k, here])
+                row, part = run.parts.near(w, local, run.radius[here] + far)
+                found.append((np.full(len(row), k), here[row], run.bodies + part))
+    listed, a, b = (np.concatenate([np.zeros(0, np.int64), *part]) for part in zip(*found, strict=True))
+    ball = b < run.bodies
+    apart = ~(run.held_apart.holds(a, np.minimum(b, run.bodies - 1)) & ball)
+    law = run.law_index(a, b)
+    force, reach = (np.nan_to_num(run.coefficient(name, law)) for name in ("cohesion", "rupture_distance"))
+    gap, normal = run.meet(time[listed], a, b, x[listed, a], x[listed, np.minimum(b, run.bodies - 1)])
+    smaller = np.minimum(run.radius[a], np.append(run.radius, np.inf)[np.minimum(b, run.bodies)])
+    gap = np.where(gap <= run.loosest["touching_tolerance"] * smaller, 0.0, gap)
+    rows = np.flatnonzero((force > 0.0) & (gap < reach) & apart)
+    return Cohesive(listed[rows], a[rows], b[rows], gap[rows], normal[rows], force[rows], reach[rows])
+
+
+def attraction(pairs: Cohesive, gap: F64) -> F64:
+    """(K,) N, at other gaps than theirs."""
+    return np.asarray(pairs.force * (1.0 - np.clip(gap, 0.0, pairs.reach) / pairs.reach))
+
+
+def rupture(pairs: Cohesive) -> F64:
+    """(K,) J, the work that takes them apart."""
+    return np.asarray(0.5 * pairs.force * (pairs.reach - pairs.gap) ** 2 / pairs.reach)
+
+
+def potential(run: Run, time: F64, x: F64) -> tuple[F64, F64]:
+    """(B,) potential energy of frames, J, and its rounding."""
+    if not run.cohesive:
+        return np.zeros(len(time)), np.zeros(len(time))
+    pairs = within(run, time, x)
+    extent = np.abs(x[pairs.k, pairs.a]).max(axis=1) + run.radius[pairs.a]
+    rounding = pairs.force * (16.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[pairs.a])
+    of = [np.bincount(pairs.k, each, minlength=len(time)) for each in (-rupture(pairs), rounding)]
+    return np.asarray(of[0]), np.asarray(of[1])
+
+
+@once
+def pulls(block: Block) -> Pulls:
+    """Of the pairs that begin a whole step within their distance."""
+    run, h = block.run, block.run.h
+    pairs = within(run, block.t0, block.x0)
+    pairs = Cohesive(*(column[block.single[pairs.k]] for column in pairs))
+    k, a, b = pairs.k, pairs.a, np.minimum(pairs.b, run.bodies - 1)
+    motion = (block.v0[k, a], block.w0[k, a], block.v0[k, b], block.w0[k, b])
+    at = Pairs(a, pairs.b, block.t0[k], block.x0[k, a], pairs.normal, end=False)
+    opening = rates(run, at, motion, pairs.normal, pairs.normal).normal
+    free, per_force = h * opening, 0.5 * h * h * compliance(run, a, pairs.b)[0]
+    now, work = attraction(pairs, pairs.gap), rupture(pairs)
+    left = free**2 - 4.0 * per_force * work
+    torn = 0.5 * (free + np.sqrt(np.maximum(left, 0.0)))
+    leaves = (opening > 0.0) & (left > 0.0) & (torn >= pairs.reach - pairs.gap)
+    change = 0.5 * per_force * pairs.force / pairs.reach
+    resolved = change < RESOLVED
+    way = np.where(
+        resolved, (free - per_force * now) / np.where(resolved, 1.0 - change, 1.0), np.minimum(free, 0)
+    )
+    force = 0.5 * (now + attraction(pairs, pairs.gap + way))
+    force = np.where(leaves, work / np.where(leaves, torn, 1.0), force)
+    extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a]
+    unsure = 64.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[a]
+    slack = h * pairs.force * (unsure / pairs.reach + 64.0 * EPS)
+    return Pulls(pairs, -(h * force)[:, None] * pairs.normal, slack)
+
+
+@once
+def most(block: Block) -> F64:
+    """(B, N) force that cohesion may have had on each body in several steps: of the pairs of both frames, N."""
+    run = block.run
+    found = np.zeros((block.count, run.bodies))
+    if run.cohesive:
+        for time, x in ((block.t0, block.x0), (block.t1, block.x1)):
+            pairs = within(run, time, x)
+            for body in (pairs.a, pairs.b):
+                ball = body < run.bodies
+                np.add.at(found, (pairs.k[ball], body[ball]), pairs.force[ball])
+    return np.where(block.single[:, None], 0.0, found)
+
+
+@once
+def on_bodies(block: Block) -> tuple[F64, F64]:
+    """(B, N, 3) impulses of cohesion in whole steps, N s, and (B, N) how far they may be off."""
+    found, off = np.zeros((block.count, block.run.bodies, 3)), np.zeros((block.count, block.run.bodies))
+    if block.run.cohesive:
+        (pairs, impulse, slack), bodies = pulls(block), block.run.bodies
+        for body, sign in ((pairs.a, 1.0), (pairs.b, -1.0)):
+            ball = body < bodies
+            add_at(found, (pairs.k[ball], body[ball]), sign * impulse[ball])
+            add_at(off, (pairs.k[ball], body[ball]), slack[ball])
+    return found, off

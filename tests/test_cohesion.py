@@ -1,0 +1,139 @@
+"""Cohesion: what sticks, what it takes to tear it off, and what it costs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import audit_scenes
+import carom
+import numpy as np
+import pytest
+from carom import audit
+from carom.audit import cohesion
+
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+
+R, M, G = 0.01, 0.01, 9.81
+
+
+def stuck(force: float, *, distance: float = 1e-5, gravity: float = G, **first: Any) -> carom.Scene:
+    """A ball under a roof, or with an own speed."""
+    scene = carom.Scene(gravity=(0, 0, -gravity))
+    for other in ("ball", "roof"):
+        scene.contact("ball", other, friction=0.3, restitution=0.0, cohesion=force,
+                      rupture_distance=distance)  # fmt: skip
+    scene.plane("roof", point=(0, 0, 0), normal=(0, 0, -1), material="roof")
+    scene.sphere("ball", radius=R, mass=M, material="ball", position=(0, 0, -R), **first)
+    return scene
+
+
+def run(scene: carom.Scene, until: float = 0.05, **options: Any) -> carom.Result:
+    return carom.simulate(scene, until=until, **{"step": 1e-3, "every": 1, **options})
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize(("force", "holds"), [(0.999, False), (1.0, True), (5.0, True)])
+def test_a_roof_holds_a_ball_up_to_its_pull_off_force(method: str, force: float, holds: bool) -> None:
+    result = run(stuck(force * M * G), 0.1, method=method)
+    fallen = -R - float(result.position[-1, 0, 2])
+    assert (abs(fallen) < 1e-12) if holds else (fallen > 1e-6)
+    if force > 1.0:  # what presses is what is left of the attraction
+        pressed = np.asarray(result.contacts["impulse"])[:, 2]
+        assert pressed == pytest.approx(np.full(100, -(force - 1.0) * M * G * 1e-3), rel=1e-9)
+
+
+@pytest.mark.parametrize(("force", "holds"), [(1.95, False), (2.05, True)])
+def test_a_doublet_carries_the_weight_of_both_at_its_upper_contact(force: float, holds: bool) -> None:
+    scene = stuck(force * M * G)
+    scene.sphere("lower", radius=R, mass=M, material="ball", position=(0, 0, -3 * R))
+    result = run(scene, 0.1)
+    fallen = -R - float(result.position[-1, 0, 2])
+    assert (abs(fallen) < 1e-10) == holds
+    apart = float(result.position[-1, 0, 2] - result.position[-1, 1, 2])
+    assert apart == pytest.approx(2 * R, abs=1e-10)  # the lower contact carries one weight
+
+
+@pytest.mark.parametrize("distance", [1e-6, 1e-4, 1e-3])
+@pytest.mark.parametrize("step", [1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("share", [1.05, 3.0])
+def test_tearing_a_ball_off_takes_the_work_of_rupture(distance: float, step: float, share: float) -> None:
+    force = 0.5
+    work = 0.5 * force * distance
+    speed = np.sqrt(2 * share * work / M)
+    until = max(20 * distance / speed, 20 * step)
+    result = run(stuck(force, distance=distance, gravity=0.0, velocity=(0, 0, -speed)), until, step=step)
+    left = 0.5 * M * float(result.velocity[-1, 0, 2]) ** 2
+    assert left == pytest.approx((share - 1.0) * work, rel=1e-9)
+    energy = np.asarray(result.steps["energy_kinetic"]) + np.asarray(result.steps["energy_potential"])
+    assert np.ptp(energy) < 1e-9 * work
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-4, 1e-5])
+def test_a_ball_too_slow_to_leave_comes_back(step: float) -> None:
+    force, distance = 0.5, 1e-4
+    speed = np.sqrt(2 * 0.5 * 0.5 * force * distance / M)
+    result = run(stuck(force, distance=distance, gravity=0.0, velocity=(0, 0, -speed)), 0.02, step=step)
+    assert float(result.position[-1, 0, 2]) == pytest.approx(-R, abs=1e-12)
+
+
+def test_an_impact_loses_restitution_to_cohesion() -> None:
+    """`e^2 v^2 - 2 W/m`: what comes in fast enough leaves slower, what is slower stays."""
+    force, distance, e = 0.5, 1e-5, 0.8
+    for v, leaves in ((0.2, True), (0.02, False)):
+        scene = carom.Scene(gravity=(0, 0, 0))
+        scene.contact("a", "a", friction=0.0, restitution=e, cohesion=force, rupture_distance=distance)
+        scene.sphere("a", radius=R, mass=M, material="a", position=(0, 0, 0), velocity=(v, 0, 0))
+        scene.sphere("b", radius=R, mass=M, material="a", position=(2.01 * R, 0, 0))
+        result = run(scene, 0.1, step=1e-4)
+        after = float(result.velocity[-1, 1, 0] - result.velocity[-1, 0, 0])
+        gained = v * v + 2 * force * distance / M  # of the fall into the well: W = F d/2, reduced mass m/2
+        exact = np.sqrt(max(e * e * gained - 2 * force * distance / M, 0.0))
+        assert after == pytest.approx(exact if leaves else 0.0, rel=2e-2, abs=1e-9)
+        momentum = M * np.asarray(result.velocity[-1]).sum(axis=0)
+        assert momentum == pytest.approx([M * v, 0, 0], abs=1e-17)
+
+
+def test_across_a_periodic_box() -> None:
+    scene = carom.Scene(gravity=(0, 0, 0), periodic=(0.1, 0, 0))
+    scene.contact("a", "a", friction=0.0, restitution=0.0, cohesion=0.1, rupture_distance=1e-3)
+    for name, x in (("a", 0.01 + 4e-4), ("b", 0.09)):
+        scene.sphere(name, radius=R, mass=M, material="a", position=(x, 0, 0))
+    result = run(scene, 0.05)
+    x = np.asarray(result.position[-1, :, 0])
+    assert (x[0] - x[1]) % 0.1 == pytest.approx(2 * R, abs=1e-11)
+    assert x.sum() == pytest.approx(0.1 + 4e-4, abs=1e-15)
+
+
+def test_energy_goes_with_a_ball_that_leaves() -> None:
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("a", "a", friction=0.0, restitution=0.0, cohesion=0.1, rupture_distance=1e-3)
+    for name, x in (("a", 0.0), ("b", 2 * R)):
+        scene.sphere(name, radius=R, mass=M, material="a", position=(x, 0, 0), velocity=(0.1, 0, 0))
+    scene.outlet(low=(0.03, -1, -1), high=(1, 1, 1))
+    result = run(scene, 0.15)
+    assert int(np.sum(result.steps["removed"])) == 1
+    energy = np.asarray(result.steps["energy_kinetic"]) + np.asarray(result.steps["energy_potential"])
+    out = np.cumsum(result.steps["energy_out"])
+    assert energy + out == pytest.approx(energy[0], abs=1e-15)
+
+
+def test_the_auditor_knows_the_force(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = audit_scenes.run(stuck(3 * M * G), tmp_path / "run", 0.02, step=1e-3)
+    assert audit.check(path).ok
+    real = cohesion.attraction
+    monkeypatch.setattr(cohesion, "attraction", lambda pairs, gap: 1.001 * real(pairs, gap))
+    kinds = {finding.kind for finding in audit.check(path).findings}
+    assert "momentum" in kinds
+
+
+@pytest.mark.parametrize("method", ["penalty", "events"])
+def test_other_methods_say_that_they_have_none(method: str) -> None:
+    with pytest.raises(carom.CaromError, match="cohesion"):
+        run(stuck(0.1, gravity=9.81), method=method)
+
+
+def test_cohesion_needs_a_distance() -> None:
+    scene = carom.Scene()
+    with pytest.raises(carom.CaromError, match="rupture_distance"):
+        scene.contact("a", "a", friction=0.1, restitution=0.5, cohesion=0.1)
