@@ -17,9 +17,6 @@ use glam::DVec3;
 /// Share (1) of a way that its own change of the attraction takes, above which a step is too long to tell that way. Above 1 there is none.
 const RESOLVED: f64 = 0.5;
 
-/// What a wall pulled a ball with in a step: their contact as at t_n, and the impulse on the ball.
-pub(crate) type WallPull = (Contact, DVec3);
-
 impl ContactLaw {
     /// Attraction at a gap, N.
     fn attraction(&self, gap: f64) -> f64 {
@@ -158,7 +155,7 @@ pub(crate) fn on_walls(
     model: &Model,
     state: &State,
     walls: &Walls,
-    pulls: &[WallPull],
+    pulls: &[(Contact, DVec3)],
     out: &mut [[DVec3; 2]],
 ) -> f64 {
     let mut work = 0.0;

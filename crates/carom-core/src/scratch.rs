@@ -1,6 +1,5 @@
 //! What can be recomputed: allocated once, reused in every step.
 
-use crate::cohesion::WallPull;
 use crate::contact::Contact;
 use crate::flow::Exchange;
 use crate::force::LoadError;
@@ -72,8 +71,8 @@ pub struct Scratch {
     pub wall_impulse: Vec<[DVec3; 2]>,
     /// Potential energy of cohesion at the end of the step, J.
     pub(crate) attraction: f64,
-    /// What walls pulled balls with.
-    pub(crate) wall_pulls: Vec<WallPull>,
+    /// What walls pulled balls with: contacts as at t_n, and impulses on the balls.
+    pub(crate) wall_pulls: Vec<(Contact, DVec3)>,
     /// Power at t_n of loads without potential, W.
     pub power: f64,
 }
