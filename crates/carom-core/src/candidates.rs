@@ -359,11 +359,11 @@ fn join_overlapping(
     } else {
         0.0
     };
-    let (linear, shift) = (&scratch.linear, &scratch.shift);
+    let (linear, shift, cohesive) = (&scratch.linear, &scratch.shift, model.cohesive_reach());
     team::fill(threads, &mut scratch.need, |i| {
         let way = linear[i].displacement + shift[i][0];
         let near = margin.max(CANDIDATE_MARGIN) * model.radius[i];
-        state.need(model, i, way.length() + near)
+        state.need(model, i, way.length() + near + cohesive)
     });
     list(model, state, scratch)?;
     let (contacts, position) = (&mut scratch.contacts, &scratch.position);

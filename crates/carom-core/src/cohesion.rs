@@ -11,7 +11,7 @@ use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::Span;
-use crate::wall::places::Walls;
+use crate::wall::places::{proximity_at, Walls};
 use glam::DVec3;
 
 /// Share (1) of a way that its own change of the attraction takes, above which a step is too long to tell that way. Above 1 there is none.
@@ -102,7 +102,8 @@ fn near(
     Ok(found)
 }
 
-/// Adds the cohesion of a step to its smooth motion. The list of pairs is that of the step.
+/// Adds the cohesion of a step to its smooth motion, whose places `scratch.position` has (of Moreau-Jean those of the middle of the step). The list of
+/// pairs is that of the step.
 pub(crate) fn pull(
     model: &Model,
     state: &State,
@@ -116,18 +117,26 @@ pub(crate) fn pull(
         true => state.position.iter().map(swept).fold(0.0, f64::max),
         false => 0.0,
     };
-    let way = match model.options.method {
-        Method::MoreauJean => model.options.theta * h,
-        _ => 0.5 * h,
+    let moreau = model.options.method == Method::MoreauJean;
+    let way = if moreau {
+        model.options.theta * h
+    } else {
+        0.5 * h
     };
+    let mut pulls = Vec::new();
     for near in near(model, state, scratch, &state.position, swept)? {
-        let c = candidates::contact(model, state, &scratch.walls, &near)?;
+        let mut c = candidates::contact(model, state, walls, &near)?;
         let (a, b, law) = (c.a as usize, c.b as usize, c.law(model));
         if c.gap_start >= law.rupture_distance {
             continue;
         }
-        let of_wall = scratch.walls.start_twist(model, &c, state.position[a]);
-        let other = match of_wall {
+        // Along the normal of the impulses that answer it: else what turns would turn faster and faster.
+        c.n1 = proximity_at(model, walls, &c, &scratch.position).normal;
+        let along = match model.options.loads_once() {
+            true => c.middle_normal(),
+            false => c.n1,
+        };
+        let other = match walls.start_twist(model, &c, state.position[a]) {
             Some(wall) => wall.shape,
             None => state.velocity.get(b).copied().unwrap_or_default(),
         };
@@ -135,41 +144,43 @@ pub(crate) fn pull(
         let opening = c.n0.dot(state.velocity[a] - other);
         let gap = apart(model, (c.a, c.b), c.gap_start);
         let force = law.mean_attraction(gap, opening, model.inv_mass[a] + of_b, h);
-        let impulse = -h * force * c.n0;
-        for (i, impulse, inverse) in [(a, impulse, model.inv_mass[a]), (b, -impulse, of_b)] {
+        let impulse = -h * force * along;
+        pulls.push((c.a, c.b, impulse));
+        if model.record_walls && c.is_wall(model) {
+            c.n1 = along;
+            scratch.wall_pulls.push((c, impulse));
+        }
+    }
+    for (a, b, impulse) in pulls {
+        for (i, sign) in [(a as usize, 1.0), (b as usize, -1.0)] {
             if let Some(p) = scratch.linear[..model.spheres()].get_mut(i) {
-                p.velocity += inverse * impulse;
-                p.displacement += way * inverse * impulse;
+                p.velocity += sign * model.inv_mass[i] * impulse;
+                p.displacement += sign * way * model.inv_mass[i] * impulse;
                 scratch.position[i] = state.position[i] + p.displacement;
             }
-        }
-        if model.record_walls && c.is_wall(model) {
-            scratch.wall_pulls.push((c, impulse));
         }
     }
     Ok(())
 }
 
-/// Adds what cohesion gave walls in the step to their impulses; returns the work that moving ones did by it, J.
+/// Adds what cohesion gave walls in the step to their impulses, with balls at `position`; returns the work that moving ones did by it, J.
 pub(crate) fn on_walls(
     model: &Model,
-    state: &State,
+    (state, position): (&State, &[DVec3]),
     walls: &Walls,
     pulls: &[(Contact, DVec3)],
     out: &mut [[DVec3; 2]],
 ) -> f64 {
     let mut work = 0.0;
     for (c, impulse) in pulls {
-        let x = state.position[c.a as usize];
-        let lever =
-            model.periodic.nearest(x - walls.point(model, c.b)) - model.radius[c.a as usize] * c.n0;
+        let a = c.a as usize;
+        let (x, r) = (position[a], model.radius[a]);
+        let lever = model.periodic.nearest(x - walls.point(model, c.b)) - r * c.n1;
         let on_wall = &mut out[model.wall(c.b).given as usize];
         on_wall[0] -= *impulse;
         on_wall[1] -= lever.cross(*impulse);
-        let ends = walls
-            .start_twist(model, c, x)
-            .zip(walls.end_twist(model, c, x));
-        if let Some((start, end)) = ends {
+        let start = walls.start_twist(model, c, state.position[a]);
+        if let Some((start, end)) = start.zip(walls.end_twist(model, c, x)) {
             work += impulse.dot(start.mean(&end).shape);
         }
     }
@@ -198,11 +209,20 @@ pub(crate) fn first_potential(model: &Model, state: &State, scratch: &mut Scratc
         return 0.0;
     }
     scratch.walls.place(model, 0.0);
+    // Too many pairs, or one without a law: the first step says so.
+    listed_potential(model, state, scratch).unwrap_or(0.0)
+}
+
+/// The same between two steps, where balls may have come.
+pub(crate) fn listed_potential(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+) -> Result<f64, Failure> {
+    let reach = model.cohesive_reach();
     for i in 0..model.spheres() {
         scratch.need[i] = state.need(model, i, reach);
     }
-    // Too many pairs, or one without a law: the first step says so.
-    let listed = candidates::list(model, state, scratch);
-    let found = listed.and_then(|()| potential(model, state, scratch, &state.position));
-    found.unwrap_or(0.0)
+    candidates::list(model, state, scratch)?;
+    potential(model, state, scratch, &state.position)
 }

@@ -46,8 +46,13 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         let (position, contacts) = (&scratch.position, &scratch.contacts);
         let impulses = &mut scratch.wall_impulse;
         report.energy_work = (scratch.walls).collect(model, state, position, contacts, impulses);
-        report.energy_work +=
-            cohesion::on_walls(model, state, &scratch.walls, &scratch.wall_pulls, impulses);
+        report.energy_work += cohesion::on_walls(
+            model,
+            (state, position),
+            &scratch.walls,
+            &scratch.wall_pulls,
+            impulses,
+        );
     }
     if model.cohesive_reach() > 0.0 {
         scratch.attraction = cohesion::potential(model, state, scratch, &scratch.position)?;

@@ -228,11 +228,15 @@ impl Simulation {
             walls.place(&self.model, time);
             let mut at_end = exchange(&self.model, &mut self.state, walls, (number, time));
             at_end.follow(left);
-            if at_end.removed > 0 && self.model.cohesive_reach() > 0.0 {
-                // What leaves takes its attraction along.
-                let (scratch, state) = (&self.scratch, &self.state);
-                let rest = cohesion::potential(&self.model, state, scratch, &state.position)?;
-                at_end.energy_out[1] += scratch.attraction - rest;
+            if at_end.removed + at_end.entered > 0 && self.model.cohesive_reach() > 0.0 {
+                // What leaves takes its attraction along, and what enters brings its own.
+                let scratch = &mut self.scratch;
+                let rest = cohesion::listed_potential(&self.model, &self.state, scratch)?;
+                let taken = scratch.attraction - rest;
+                match at_end.removed {
+                    0 => at_end.energy_in[1] -= taken,
+                    _ => at_end.energy_out[1] += taken,
+                }
             }
             self.recorder.block.events.append(&mut at_end.events);
             report.add_exchange(&at_end);

@@ -16,7 +16,7 @@ from carom.arrays import F64, I64
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.rates import Pairs, compliance, rates
-from carom.audit.vectors import EPS, add_at
+from carom.audit.vectors import EPS, add_at, norm, unit
 from carom.scene.packing.neighbours import pairs as neighbours
 
 RESOLVED = 0.5
@@ -36,9 +36,10 @@ class Cohesive(NamedTuple):
 
 
 class Pulls(NamedTuple):
-    """Impulses on A, (K, 3), of the pairs of whole steps, and how far they may be off, (K,), N s."""
+    """Of the pairs of whole steps: normals along which they pull, impulses on A, (K, 3), N s, and how far these may be off."""
 
     pairs: Cohesive
+    along: F64
     impulse: F64
     slack: F64
 
@@ -115,10 +116,30 @@ def pulls(block: Block) -> Pulls:
     )
     force = 0.5 * (now + attraction(pairs, pairs.gap + way))
     force = np.where(leaves, work / np.where(leaves, torn, 1.0), force)
+    along, turned = _along(block, pairs)
     extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a]
     unsure = 64.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[a]
-    slack = h * pairs.force * (unsure / pairs.reach + 64.0 * EPS)
-    return Pulls(pairs, -(h * force)[:, None] * pairs.normal, slack)
+    slack = h * pairs.force * (unsure / pairs.reach + turned + 64.0 * EPS * (1.0 + extent / run.radius[a]))
+    return Pulls(pairs, along, -(h * force)[:, None] * along, slack)
+
+
+def _along(block: Block, pairs: Cohesive) -> tuple[F64, F64]:
+    """(K, 3) normals along which they pull, of the middle of the step, and by how much these may be turned, rad."""
+    run, h = block.run, block.run.h
+    k, a, b = pairs.k, pairs.a, np.minimum(pairs.b, run.bodies - 1)
+    if run.method == "moreau":
+        x = block.x0 + 0.5 * h * block.v0
+        return run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])[1], np.zeros(len(k))
+    x = block.x0 + h * block.v0 + 0.5 * h * h * run.gravity
+    last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])[1]
+    one = run.jointed[a] | (run.jointed[b] & (pairs.b < run.bodies))
+    middle = np.where(one[:, None] | (not run.loads_once), last, unit(pairs.normal + last))
+    if len(run.loads) == 1 and not run.joints:
+        return middle, np.zeros(len(k))
+    # Other loads and joints move the bodies, too.
+    off = np.nan_to_num(norm(block.x1 - x))
+    off = off[k, a] + np.where(pairs.b < run.bodies, off[k, b], 0.0)
+    return middle, np.minimum(1.0, off / run.radius[a])
 
 
 @once
@@ -140,7 +161,7 @@ def on_bodies(block: Block) -> tuple[F64, F64]:
     """(B, N, 3) impulses of cohesion in whole steps, N s, and (B, N) how far they may be off."""
     found, off = np.zeros((block.count, block.run.bodies, 3)), np.zeros((block.count, block.run.bodies))
     if block.run.cohesive:
-        (pairs, impulse, slack), bodies = pulls(block), block.run.bodies
+        (pairs, _, impulse, slack), bodies = pulls(block), block.run.bodies
         for body, sign in ((pairs.a, 1.0), (pairs.b, -1.0)):
             ball = body < bodies
             add_at(found, (pairs.k[ball], body[ball]), sign * impulse[ball])

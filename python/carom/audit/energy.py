@@ -211,15 +211,16 @@ def _attracted(block: Block) -> tuple[F64, F64]:
     after = answers.before_contacts(block)[..., :3]
     work = np.nansum(0.5 * dot(given, block.v0 + after), axis=1)
     ends = [cohesion.potential(run, *at) for at in ((block.t0, block.x0), (block.t1, block.x1))]
-    pairs, impulse, _ = cohesion.pulls(block)
+    pairs, along, impulse, _ = cohesion.pulls(block)
     driven, carried = np.zeros((2, block.count))
     for w, wall in enumerate(run.walls):
         mine = np.flatnonzero(pairs.b == run.bodies + w)
         if not wall.moves or not mine.size:
             continue
         k, a = pairs.k[mine], pairs.a[mine]
-        point = block.x0[k, a] - run.radius[a][:, None] * pairs.normal[mine]
-        mean = wall.velocity(block.t0[k], point)[0] + wall.velocity(block.t1[k], point, end=True)[0]
+        r = run.radius[a][:, None]
+        first, last = block.x0[k, a] - r * pairs.normal[mine], block.x1[k, a] - r * along[mine]
+        mean = wall.velocity(block.t0[k], first)[0] + wall.velocity(block.t1[k], last, end=True)[0]
         driven += np.bincount(k, 0.5 * dot(impulse[mine], mean), minlength=block.count)
         carried += np.bincount(k, norm(impulse[mine]) * norm(mean), minlength=block.count)
     solved = 4.0 * block.tolerance * np.nansum(norm(given) * fast, axis=1)

@@ -230,7 +230,7 @@ def walls(block: Block, tally: Tally) -> None:
     if run.cohesive:
         known = block.single
         block.skip(tally, "wall impulse", "cohesion: " + PARTS, np.flatnonzero(~known))
-        pairs, impulse, slack = pulls(block)
+        pairs, _, impulse, slack = pulls(block)
         pulled = pairs.b >= run.bodies
         at = (pairs.k[pulled], owner[pairs.b[pulled] - run.bodies])
         add_at(summed, at, -impulse[pulled])
@@ -282,14 +282,14 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
 
 
 def _pulled_moments(block: Block, summed: F64, size: F64) -> None:
-    """Adds the moments of cohesion on walls, and their sizes: balls pull where the step begins."""
-    run, (pairs, impulse, slack) = block.run, pulls(block)
+    """Adds the moments of cohesion on walls, and their sizes: as those of contacts, at the end."""
+    run, (pairs, along, impulse, slack) = block.run, pulls(block)
     owner = np.array(run.parts.owner, dtype=np.int64)
     for w in range(len(run.walls)):
         mine = np.flatnonzero(pairs.b == run.bodies + w)
         k, a = pairs.k[mine], pairs.a[mine]
-        x, place = block.x0[k, a], run.walls[owner[w]].place(block.t1[k])
-        lever = run.between(x, place) - run.radius[a][:, None] * pairs.normal[mine]
+        x, place = block.x1[k, a], run.walls[owner[w]].place(block.t1[k])
+        lever = run.between(x, place) - run.radius[a][:, None] * along[mine]
         extent = norm(lever) + norm(x) + run.radius[a]
         at = (k, np.full(len(mine), owner[w]))
         add_at(summed, at, -cross(lever, impulse[mine]))

@@ -23,6 +23,16 @@ pub(super) const PATIENCE: usize = 1_000;
 /// minutes. Fewer: jams of a few hundred contacts end at the last halving, and the run stops.
 pub(super) const NEWTON_CONTACTS: usize = 500;
 
+/// Most contacts of a velocity problem that goes to alternating directions where sweeps fail, which have one factorisation for all iterations. More:
+/// its memory, and seconds for each failure. Fewer: heaps of rolling grains are halved, and may stop the run.
+pub(super) const SPLIT_CONTACTS: usize = 2_000;
+
+/// Iterations (1) of these at most: a heap of 900 contacts took 1800. More: what has no solution takes as long to say so.
+pub(super) const SPLIT_ITERATIONS: u32 = 5_000;
+
+/// Their tolerance over that of the pile (1), which is of another norm. Near 1 the judge of the pile may refuse what they find.
+pub(super) const SPLIT_SHARE: f64 = 0.1;
+
 /// `pile_tolerance` (1) from which on every island without dense matrix is swept. Smaller: sweeps, which converge linearly, crawl in islands that
 /// Newton's method solves faster. Larger: scenes of piles pay for factorisations of each small island.
 pub(super) const COARSE_TOLERANCE: f64 = 1e-5;

@@ -95,16 +95,7 @@ impl Pile {
         if !carom_solve::hold::hold(&system, &system.z0, |_, _| true, &mut lambda) {
             return false;
         }
-        for (k, (row, c)) in system.contacts.iter().zip(&turned).enumerate() {
-            let mut packed = [0.0; 6];
-            let dim = row.dim as usize;
-            packed[..dim].copy_from_slice(&lambda[row.row as usize..][..dim]);
-            let world = c.to_world(c.n1, &packed);
-            self.start[k] = world.impulse.to_array();
-            if let Some(moment) = self.start_moments.get_mut(k) {
-                *moment = world.moment.to_array();
-            }
-        }
+        self.start_from_rows(&system, &turned, &lambda);
         true
     }
 }

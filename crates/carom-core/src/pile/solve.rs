@@ -8,9 +8,13 @@ use crate::impact::compliant::{impulses, spring};
 use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
 use crate::model::Model;
-use crate::pile::limits::{budget, finer, tolerance, worst, PATIENCE};
+use crate::pile::limits::{
+    budget, finer, tolerance, worst, PATIENCE, SPLIT_CONTACTS, SPLIT_ITERATIONS, SPLIT_SHARE,
+};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
+use carom_solve::problem::Problem;
+use carom_solve::solver::{self, Admm, Settings};
 use carom_solve::spheres::{self, Goal, Progress};
 use carom_solve::team;
 use glam::DVec3;
@@ -49,7 +53,7 @@ impl Pile {
         self.forget_contacts();
         let goal = self.goal(model, problem);
         let before = *report;
-        let mut progress = self.settle(&goal, report);
+        let mut progress = self.settle(model, contacts, &goal, report);
         self.take_solution();
         if problem <= 1 {
             if let Some(held) = self.at_rest(model, contacts, law, &goal, &progress) {
@@ -82,7 +86,7 @@ impl Pile {
         self.start_nothing();
         self.load_sweeps().ok()?;
         self.forget_contacts();
-        let progress = self.settle(&self.goal(model, 1), report);
+        let progress = self.settle(model, contacts, &self.goal(model, 1), report);
         self.take_solution();
         let (memory, bodies) = (&mut self.velocity, &self.bodies);
         let mut expands = false;
@@ -155,7 +159,7 @@ impl Pile {
         self.start_nothing();
         self.load_sweeps().ok()?;
         self.forget_contacts();
-        let progress = self.settle(&self.goal(model, problem), report);
+        let progress = self.settle(model, contacts, &self.goal(model, problem), report);
         self.take_solution();
         self.take(&progress, report)
     }
@@ -204,20 +208,62 @@ impl Pile {
         }
     }
 
-    fn settle(&mut self, goal: &Goal, report: &mut StepReport) -> Progress {
+    /// Sweeps; where these fail, alternating directions, and their convex companion if the step may take it.
+    fn settle(
+        &mut self,
+        model: &Model,
+        contacts: &[Contact],
+        goal: &Goal,
+        report: &mut StepReport,
+    ) -> Progress {
         let mut progress = self.sweeps.settle(goal);
-        if !progress.converged && self.companion && self.law != Law::Expansion {
-            let found = self.sweeps.settle_companion(goal);
-            report.fallbacks += 1;
-            progress = Progress {
-                sweeps: progress.sweeps + found.sweeps,
-                ..found
-            };
+        let mut sweeps = progress.sweeps;
+        if !progress.converged && self.law != Law::Expansion {
+            if let Some(found) = self.split(model, contacts, goal) {
+                report.fallbacks += 1;
+                progress = found;
+            }
         }
+        if !progress.converged && self.companion && self.law != Law::Expansion {
+            progress = self.sweeps.settle_companion(goal);
+            sweeps += progress.sweeps;
+            report.fallbacks += 1;
+        }
+        progress.sweeps = sweeps;
         report.sweeps_velocity += progress.sweeps as u32;
         report.residual_velocity = report.residual_velocity.max(progress.residual);
         report.fallbacks += u32::from(progress.lenient);
         progress
+    }
+
+    /// Solves the problem at hand by alternating directions, from the impulses that sweeps have left: grains that roll may hold one another in so
+    /// many ways that sweeps crawl. Nothing, and the sweeps as they were: it is too large, or not solved so either.
+    fn split(&mut self, model: &Model, contacts: &[Contact], goal: &Goal) -> Option<Progress> {
+        if self.contacts.is_empty() || self.contacts.len() > SPLIT_CONTACTS {
+            return None;
+        }
+        self.take_solution();
+        let stated = self.stated(&self.impulses, &self.moments);
+        let (rows, framed, mut lambda) = problem_data::rows(model, contacts, &self.bodies, &stated);
+        let problem = Problem::from_rows(&rows, &rows.z0);
+        let settings = Settings {
+            tolerance: SPLIT_SHARE * goal.tolerance,
+            max_iterations: SPLIT_ITERATIONS,
+            threads: self.sweeps.threads,
+            ..Settings::default()
+        };
+        solver::solve(&problem, &mut Admm::default(), settings, &mut lambda);
+        let before = (self.impulses.clone(), self.moments.clone());
+        self.start_from_rows(&rows, &framed, &lambda);
+        if self.load_sweeps().is_ok() {
+            let found = self.sweeps.judge(goal, 0);
+            if found.converged {
+                return Some(found);
+            }
+        }
+        (self.start, self.start_moments) = before;
+        self.load_sweeps().ok()?;
+        None
     }
 
     /// The chosen contacts as spheres.

@@ -9,6 +9,7 @@ use crate::pile::limits::is_large;
 use crate::pile::memory::Pile;
 use crate::state::State;
 use crate::stepper::Span;
+use carom_solve::RowSystem;
 use glam::DVec3;
 
 /// Fewest contacts of an island whose impacts need so many layers that the impulses of the positions tell more of them than nothing does. Too
@@ -100,6 +101,21 @@ impl Pile {
             let moments = memory.turning.get(slot as usize);
             self.start_moments
                 .extend(moments.map(|t| t.load.to_array()));
+        }
+    }
+
+    /// From multipliers of the chosen contacts as rows, in the frames of these.
+    pub(super) fn start_from_rows(&mut self, rows: &RowSystem, framed: &[Contact], lambda: &[f64]) {
+        self.start.clear();
+        self.start_moments.clear();
+        for (row, c) in rows.contacts.iter().zip(framed) {
+            let mut packed = [0.0; 6];
+            packed[..row.dim as usize].copy_from_slice(&lambda[row.rows()]);
+            let world = c.to_world(c.n1, &packed);
+            self.start.push(world.impulse.to_array());
+            if !self.velocity.turning.is_empty() {
+                self.start_moments.push(world.moment.to_array());
+            }
         }
     }
 

@@ -49,16 +49,13 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
         weigh_loads(model, on.state, on.scratch, whole.start)?;
     }
     step::predict_and_smooth(on)?;
+    move_to_middle(model, on.state, on.scratch, whole);
     if model.cohesive_reach() > 0.0 {
-        on.scratch.position.clone_from(&on.state.position);
         list_pairs(model, on.state, on.scratch)?;
         cohesion::pull(model, on.state, on.scratch, whole)?;
-    }
-    for i in 0..model.spheres() {
-        on.scratch.position[i] = on.state.position[i] + 0.5 * whole.h * on.state.velocity[i];
+        move_to_middle(model, on.state, on.scratch, whole);
     }
     on.timers.mark(Phase::Predict);
-    on.scratch.walls.place(model, whole.start + 0.5 * whole.h);
     let fastest = list_pairs(model, on.state, on.scratch)?;
     travel::check(model, on.state, on.scratch, fastest)?;
     on.timers.mark(Phase::Broad);
@@ -117,6 +114,14 @@ fn weigh_loads(
         state.pseudo[i] = pair;
     }
     Ok(())
+}
+
+/// Spheres and walls at the predicted midpoint.
+fn move_to_middle(model: &Model, state: &State, scratch: &mut Scratch, whole: Span) {
+    for i in 0..model.spheres() {
+        scratch.position[i] = state.position[i] + 0.5 * whole.h * state.velocity[i];
+    }
+    scratch.walls.place(model, whole.start + 0.5 * whole.h);
 }
 
 /// Spheres where their predictions lead.
