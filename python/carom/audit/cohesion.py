@@ -36,7 +36,7 @@ class Cohesive(NamedTuple):
 
 
 class Pulls(NamedTuple):
-    """Of the pairs of whole steps: normals along which they pull, impulses on A, (K, 3), N s, and how far these may be off."""
+    """Of pairs of whole steps: normals along which they pull, impulses on A (K, 3), N s, and how far off these may be."""
 
     pairs: Cohesive
     along: F64

@@ -236,8 +236,8 @@ impl Pile {
         progress
     }
 
-    /// Solves the problem at hand by alternating directions, from the impulses that sweeps have left: grains that roll may hold one another in so
-    /// many ways that sweeps crawl. Nothing, and the sweeps as they were: it is too large, or not solved so either.
+    /// Solves the problem at hand by alternating directions, from the impulses that sweeps have left: grains that roll may have so
+    /// many self-balanced forces that sweeps crawl. Nothing, and the sweeps as they were: it is too large, or not solved so either.
     fn split(&mut self, model: &Model, contacts: &[Contact], goal: &Goal) -> Option<Progress> {
         if self.contacts.is_empty() || self.contacts.len() > SPLIT_CONTACTS {
             return None;
