@@ -197,7 +197,8 @@ def times(place: Path, reached: float, step: float) -> dict[str, float | None]:
         cpu = [part["cpu_s"] for part in parts if (part["until"] <= SETTLING + 1e-9) == of_bed]
         wall = [s.get("wall_s") for s in segments if (s["from_step"] * step < SETTLING - 1e-9) == of_bed]
         found[f"{name}_cpu_s"] = sum(cpu) if known or of_bed else None
-        found[f"{name}_wall_s"] = sum(wall) if wall and None not in wall else None
+        # The segment that is being written has no time yet.
+        found[f"{name}_wall_s"] = sum(wall) if wall and all(wall) else None
     return found
 
 
