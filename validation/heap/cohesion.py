@@ -1,7 +1,7 @@
 """Wet heaps are steeper than dry ones: the angle of poured heaps over the Bond number, cohesion over the weight of a grain.
 
-    python validation/heap/cohesion.py                  # 1000 grains, two seeds, five Bond numbers
-    python validation/heap/cohesion.py --grains 500 --seeds 1 --bonds 0 5
+    python validation/heap/cohesion.py                  # 500 grains, two seeds, Bond numbers 0, 1 and 3
+    python validation/heap/cohesion.py --bonds 0 1 3 10 30
 
 Exit code 1 if a heap of a higher Bond number is not steeper.
 """
@@ -36,9 +36,9 @@ def angle(grains: int, seed: int, bond: float) -> tuple[float, carom.Result]:
 def main() -> int:
     """Prints a row for each Bond number."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--grains", type=int, default=1000)
+    parser.add_argument("--grains", type=int, default=500)
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--bonds", type=float, nargs="+", default=[0.0, 1.0, 3.0, 10.0, 30.0])
+    parser.add_argument("--bonds", type=float, nargs="+", default=[0.0, 1.0, 3.0])
     args = parser.parse_args()
     rows, means = [], []
     for bond in args.bonds:
