@@ -53,8 +53,6 @@ def test_model_has_the_arrays_of_the_core() -> None:
         "friction": [0.2],
         "restitution": [0],
         "stiffness_ratio": [1],
-        "cohesion": [0],
-        "rupture_distance": [0],
         "tangential_restitution": [0],
         "rolling_radius": [1e-3],
         "spinning_radius": [0],

@@ -144,11 +144,14 @@ impl Pile {
                 *start = along(k, *start)[0].to_array();
             }
         });
-        for (k, (moment, roll)) in self.start_moments.iter_mut().zip(rolls).enumerate() {
-            let [spinning, rolling] = along(k, *moment);
+        if rolls.is_empty() {
+            return;
+        }
+        chunks::each(threads, &mut self.start_moments, |k, moment| {
+            let ([spinning, rolling], roll) = (along(k, *moment), &rolls[k]);
             let kept = |radius: f64, part: DVec3| if radius > 0.0 { part } else { DVec3::ZERO };
             *moment = (kept(roll.spinning, spinning) + kept(roll.rolling, rolling)).to_array();
-        }
+        });
     }
 
     /// Takes impulses and corrections from the sweeps.

@@ -24,8 +24,11 @@ EXPANDED = 10_000
 
 LAW_KEYS = (
     *("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius"),
-    *("stiffness_ratio", "cohesion", "rupture_distance"),
+    "stiffness_ratio",
 )
+
+COHESION = ("cohesion", "rupture_distance")
+"""Those of pairs that attract each other; left out where none do, as in all scenes of older runs."""
 
 VARYING = ("friction", "restitution")
 """Those that may be laws of a speed."""
@@ -55,6 +58,7 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
     if mechanics is None:
         return None
     laws = tree.contact
+    keys = (*LAW_KEYS, *(COHESION if any(law.cohesion for law in laws) else ()))
     planes = [wall for wall in surfaces if wall.kind == PLANE]
     return {
         "gravity": np.array(tree.world.gravity),
@@ -71,7 +75,7 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
         "plane_material": np.array([materials[p.material] for p in planes], dtype=np.int64),
         "law_a": np.array([materials[c.between[0]] for c in laws], dtype=np.int64),
         "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
-        **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in LAW_KEYS},
+        **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in keys},
         **mechanics,
         **_surfaces(surfaces, len(planes), materials),
         **_world(tree, balls),
