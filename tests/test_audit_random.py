@@ -89,7 +89,7 @@ KINDS: dict[str, list[tuple[ModuleType, list[int], int, Any, dict[str, Any]]]] =
         for table in ("contacts", "impacts")
     },
     "random scenes with meshes": [(audit_meshes, MESHES, 200, STOPS, {})],
-    "random scenes with cohesion": [(audit_cohesive, [*range(12)], 200, STOPS, {})],
+    "random scenes with cohesion": [(audit_cohesive, [117, *range(12)], 200, STOPS, {})],
     "random piles": [(audit_piles, PILES, 200, nullcontext(), {})],
     "random scenes of method events": [(audit_events, [112, 260, *range(6)], 300, STOPS, {})],
 }

@@ -335,6 +335,9 @@ def rises(run: Run, tally: Tally) -> None:
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
     bound = bound + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
+    if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
+        strongest = float(np.nanmax(run.model["cohesion"]))
+        bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
     tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
 
 
