@@ -22,6 +22,7 @@ DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
     # name: exponents, SI unit, other units worth naming in a message
     "number": ((0, 0, 0, 0), "", "no unit"),
     "length": ((1, 0, 0, 0), "m", "m, cm, mm, um, in"),
+    "area": ((2, 0, 0, 0), "m^2", "m^2, cm^2, mm^2"),
     "mass": ((0, 1, 0, 0), "kg", "kg, g, mg, oz, lb"),
     "time": ((0, 0, 1, 0), "s", "s, ms, us, min"),
     "angle": ((0, 0, 0, 1), "rad", "rad, deg, rev"),

@@ -51,7 +51,7 @@ fn carried([linear, angular]: [&Prediction; 2]) -> DVec3 {
 #[cold]
 pub(crate) fn find(model: &Model, state: &State, scratch: &Scratch, h: f64) -> Result<(), Failure> {
     let mut energy = 0.0;
-    for i in 0..model.spheres() {
+    for i in 0..model.bodies() {
         let ([v, w], x) = (scratch.jump[i], scratch.position[i]);
         energy += model.mass[i] * v.length_squared() + model.inertia[i] * w.length_squared();
         if state.present[i] {

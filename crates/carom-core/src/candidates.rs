@@ -5,7 +5,7 @@ use crate::model::Model;
 use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::wall::places::{proximity, Walls};
+use crate::wall::places::{displacement, proximity, Walls};
 use carom_geom::{same_contact, sphere_plane, tangent_frame};
 use carom_solve::{team, Bounds};
 use glam::DVec3;
@@ -19,8 +19,10 @@ const PAIRS: usize = 8_192;
 /// Brings the list of pairs to the needs of the spheres. One that reached its limit has lost pairs: nothing may be concluded from it.
 #[inline]
 pub(crate) fn list(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
-    let (list, walls) = (&mut scratch.neighbours, &scratch.walls.now);
-    list.refresh(&state.position, &model.radius, walls, &scratch.need);
+    let (list, walls, n) = (&mut scratch.neighbours, &mut scratch.walls, model.balls());
+    walls.place_free(model, Some(&state.position[n..]));
+    list.refresh(&state.position[..n], &model.radius[..n], &walls.now, &scratch.need[..n]);
+    walls.place_free(model, None);
     match list.is_truncated() {
         true => Err(Failure::TooManyPairs),
         false => Ok(()),
@@ -187,7 +189,7 @@ fn near(
     pair: (u32, u32),
     margin: f64,
 ) -> Result<Option<NearPair>, Failure> {
-    let (i, j, n) = (pair.0 as usize, pair.1 as usize, model.spheres());
+    let (i, j, n) = (pair.0 as usize, pair.1 as usize, model.balls());
     let ra = model.radius[i];
     // A list may be older than the removal of a ball.
     if !state.present[i] || state.present.get(j) == Some(&false) {
@@ -203,7 +205,8 @@ fn near(
                     Some(wall) => pair.1 = wall,
                     None => return Ok(None),
                 }
-                walls.meet(model, pair.0, pair.1, position[i]).gap
+                let from = displacement(position, pair.1);
+                walls.meet(model, pair.0, pair.1, position[i] - from).gap
             }
         };
         if gap > margin * ra {
@@ -241,7 +244,7 @@ fn begin(
     c: &mut Contact,
 ) -> Result<(), Failure> {
     let ((a, b), law) = (near.pair, &model.laws[near.law as usize]);
-    let (i, j, n) = (a as usize, b as usize, model.spheres());
+    let (i, j, n) = (a as usize, b as usize, model.balls());
     let (ra, x) = (model.radius[i], state.position[i]);
     let once = model.options.loads_once();
     c.forget(once);
@@ -258,7 +261,7 @@ fn begin(
                 (c.t1, c.t2) = (wall.tangent1, wall.tangent2);
             }
             None => {
-                start = walls.meet_at_start(model, a, b, x);
+                start = walls.meet_at_start(model, a, b, x - displacement(&state.position, b));
                 (c.t1, c.t2) = tangent_frame(start.normal);
             }
         }
@@ -289,6 +292,7 @@ fn bounds_at_start(
         let Some(&radius) = model.radius.get(i) else {
             return DVec3::ZERO;
         };
+        // A free wall never turns.
         sign * state.velocity[i] + radius * c.n0.cross(state.angular_velocity[i])
     };
     let mut slip = part(c.a, 1.0) + part(c.b, -1.0);
@@ -359,11 +363,13 @@ fn join_overlapping(
     } else {
         0.0
     };
-    let (linear, shift, cohesive) = (&scratch.linear, &scratch.shift, model.cohesive_reach());
+    let (linear, shift) = (&scratch.linear, &scratch.shift);
+    let way = |i: usize| linear[i].displacement + shift[i][0];
+    let of_walls = (model.balls()..model.bodies()).map(|i| way(i).length());
+    let reach = model.cohesive_reach() + of_walls.fold(0.0, f64::max);
     team::fill(threads, &mut scratch.need, |i| {
-        let way = linear[i].displacement + shift[i][0];
         let near = margin.max(CANDIDATE_MARGIN) * model.radius[i];
-        state.need(model, i, way.length() + near + cohesive)
+        state.need(model, i, way(i).length() + near + reach)
     });
     list(model, state, scratch)?;
     let (contacts, position) = (&mut scratch.contacts, &scratch.position);
@@ -400,7 +406,7 @@ fn join_overlapping(
     })?;
     let overlapping = |near: &NearPair| {
         let (i, j) = (near.pair.0 as usize, near.pair.1 as usize);
-        let rb = model.radius.get(j).copied().unwrap_or(f64::INFINITY);
+        let rb = if j < model.balls() { model.radius[j] } else { f64::INFINITY };
         near.gap < -model.options.gap_tolerance * model.radius[i].min(rb)
     };
     let mut joining: Vec<NearPair> = found.into_iter().flatten().collect();

@@ -153,7 +153,7 @@ pub(crate) fn pull(
     }
     for (a, b, impulse) in pulls {
         for (i, sign) in [(a as usize, 1.0), (b as usize, -1.0)] {
-            if let Some(p) = scratch.linear[..model.spheres()].get_mut(i) {
+            if let Some(p) = scratch.linear[..model.bodies()].get_mut(i) {
                 p.velocity += sign * model.inv_mass[i] * impulse;
                 p.displacement += sign * way * model.inv_mass[i] * impulse;
                 scratch.position[i] = state.position[i] + p.displacement;
@@ -220,7 +220,7 @@ pub(crate) fn listed_potential(
     scratch: &mut Scratch,
 ) -> Result<f64, Failure> {
     let reach = model.cohesive_reach();
-    for i in 0..model.spheres() {
+    for i in 0..model.bodies() {
         scratch.need[i] = state.need(model, i, reach);
     }
     candidates::list(model, state, scratch)?;

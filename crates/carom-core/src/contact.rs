@@ -18,7 +18,7 @@ pub const CANDIDATE_MARGIN: f64 = 1e-2;
 pub struct Contact {
     /// Body A: a sphere.
     pub a: u32,
-    /// Body B: a sphere of larger index, or wall `b - N`.
+    /// Body B: a sphere of larger index, or wall `b - N` of N balls.
     pub b: u32,
     pub law: u32,
     /// mu, rho, delta in this step.
@@ -93,9 +93,22 @@ impl Contact {
         0.5 * h * self.load[0]
     }
 
+    /// Whether body B is a wall that stands, or moves as prescribed.
     #[inline]
     pub fn is_wall(&self, model: &Model) -> bool {
-        self.b as usize >= model.spheres()
+        self.b as usize >= model.bodies()
+    }
+
+    /// Whether body B is any wall.
+    #[inline]
+    pub fn meets_wall(&self, model: &Model) -> bool {
+        self.b as usize >= model.balls()
+    }
+
+    /// Whether body B is a free wall, which impulses move along the normal alone.
+    #[inline]
+    pub fn is_guided(&self, model: &Model) -> bool {
+        self.meets_wall(model) && !self.is_wall(model)
     }
 
     #[inline]
@@ -106,7 +119,10 @@ impl Contact {
     /// Radius of body B, 0 for a wall.
     #[inline]
     pub fn radius_b(&self, model: &Model) -> f64 {
-        model.radius.get(self.b as usize).copied().unwrap_or(0.0)
+        match self.meets_wall(model) {
+            true => 0.0,
+            false => model.radius[self.b as usize],
+        }
     }
 
     /// The frame of `t_n` again, where a pile had turned it to that of `t_{n+1}`.
@@ -213,6 +229,9 @@ impl Contact {
         if bounds.spinning > 0.0 {
             rows[count] = row(DVec3::ZERO, n, DVec3::ZERO, -n);
             count += 1;
+        }
+        if self.is_guided(model) {
+            rows[1..count].iter_mut().for_each(|row| row[1] = [0.0; NODE_DOF]);
         }
         count
     }

@@ -92,7 +92,7 @@ fn end_motion(
     scratch: &mut Scratch,
     coefficients: &Coefficients,
 ) -> Sums {
-    let (threads, n) = (model.options.threads as usize, model.spheres());
+    let (threads, n) = (model.options.threads as usize, model.bodies());
     let whole = (
         &mut scratch.linear[..n],
         &mut scratch.angular[..n],
@@ -129,7 +129,7 @@ fn end_motion(
 
 /// The new state of all spheres.
 fn write(model: &Model, state: &mut State, scratch: &Scratch) {
-    let (threads, n) = (model.options.threads as usize, model.spheres());
+    let (threads, n) = (model.options.threads as usize, model.bodies());
     let motion = (
         &mut state.position[..n],
         &mut state.orientation[..n],

@@ -22,7 +22,7 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
         let meets = c.gap_check <= gap_allowed;
         let mut speeds = Speeds::default();
         for i in [c.a as usize, c.b as usize] {
-            if i < model.spheres() {
+            if i < model.bodies() {
                 speeds.add(model, state, linear[i].velocity, i);
             }
         }
@@ -46,7 +46,7 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
         .filter(apart)
         .flat_map(|c| [c.a, c.b])
         .collect();
-    moved.retain(|&body| (body as usize) < model.spheres());
+    moved.retain(|&body| (body as usize) < model.bodies());
     moved.sort_unstable();
     if !moved.is_empty() {
         let has = |body: u32| moved.binary_search(&body).is_ok();

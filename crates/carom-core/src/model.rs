@@ -5,7 +5,7 @@ use crate::force::Load;
 use crate::held_apart::HeldApart;
 use crate::joint::Joint;
 use crate::options::Options;
-use crate::wall::{MeshWall, Wall};
+use crate::wall::{FreeWall, MeshWall, Wall};
 use carom_geom::Periodic;
 use carom_laws::Scalar;
 use carom_solve::Bounds;
@@ -81,8 +81,10 @@ pub struct Model {
     pub inv_mass: Vec<f64>,
     pub inv_inertia: Vec<f64>,
     pub material: Vec<u32>,
-    /// Bodies N..: planes, then the other walls.
+    /// Bodies behind the balls: planes, free ones first, then the other walls.
     pub walls: Vec<Wall>,
+    /// Those that move freely; the first ones. They are the last of the bodies that have masses.
+    pub free_walls: Vec<FreeWall>,
     /// Which of these are meshes; the last ones.
     pub meshes: Vec<MeshWall>,
     /// Whether impulses on walls are summed up: some wall moves, or it was asked for.
@@ -118,9 +120,27 @@ pub struct InitialState {
 }
 
 impl Model {
-    /// Number of spheres.
-    pub fn spheres(&self) -> usize {
+    /// Number of bodies whose motion is computed: balls, then free walls.
+    pub fn bodies(&self) -> usize {
         self.radius.len()
+    }
+
+    /// Number of balls.
+    pub fn balls(&self) -> usize {
+        self.radius.len() - self.free_walls.len()
+    }
+
+    /// The free wall that a body is.
+    #[inline]
+    pub fn free_wall(&self, body: usize) -> Option<&FreeWall> {
+        let wall = body.checked_sub(self.balls())?;
+        self.free_walls.get(wall)
+    }
+
+    /// Gravity as a body feels it, m/s^2: of a free wall along its normal.
+    #[inline]
+    pub fn gravity_of(&self, body: usize) -> DVec3 {
+        self.free_wall(body).map_or(self.gravity, |w| w.gravity)
     }
 
     /// Kinetic energy of sphere `i` with these velocities, J.
@@ -147,7 +167,7 @@ impl Model {
 
     /// The first body that is of a mesh, if there is one.
     pub fn first_mesh_wall(&self) -> u32 {
-        (self.spheres() + self.simple_walls()) as u32
+        (self.balls() + self.simple_walls()) as u32
     }
 
     /// Which walls are those of meshes, and how many of them are triangles.
@@ -163,15 +183,15 @@ impl Model {
 
     /// The mesh that a wall belongs to.
     pub fn mesh_of(&self, body: u32) -> Option<&MeshWall> {
-        let wall = (body as usize).checked_sub(self.spheres())?;
+        let wall = (body as usize).checked_sub(self.balls())?;
         let at = self.meshes.partition_point(|m| m.walls.end <= wall);
         self.meshes.get(at).filter(|m| m.walls.contains(&wall))
     }
 
     /// Number of a body outside of the core, where a mesh is one wall.
     pub fn outside(&self, body: u32) -> u32 {
-        match self.walls.get((body as usize).wrapping_sub(self.spheres())) {
-            Some(wall) => self.spheres() as u32 + wall.given,
+        match self.walls.get((body as usize).wrapping_sub(self.balls())) {
+            Some(wall) => self.balls() as u32 + wall.given,
             None => body,
         }
     }
@@ -180,15 +200,15 @@ impl Model {
     ///
     /// [`Mesh::part`]: carom_geom::Mesh::part
     pub fn part(&self, body: u32) -> Option<u32> {
-        let wall = (body as usize).checked_sub(self.spheres())?;
+        let wall = (body as usize).checked_sub(self.balls())?;
         let mesh = self.mesh_of(body)?;
         Some(mesh.mesh.part(wall - mesh.walls.start))
     }
 
-    /// Wall of a body index beyond the spheres.
+    /// Wall of a body index beyond the balls.
     #[inline]
     pub fn wall(&self, body: u32) -> &Wall {
-        &self.walls[body as usize - self.spheres()]
+        &self.walls[body as usize - self.balls()]
     }
 
     /// Neither joints nor loads beside the weight.
@@ -203,10 +223,10 @@ impl Model {
         self.held_apart.has_joint(body)
     }
 
-    /// Law of a pair of bodies (`b` may be a wall: index N + w), if its materials have one.
+    /// Law of a pair of bodies (`b` may be a wall: index balls + w), if its materials have one.
     #[inline]
     pub fn law_of(&self, a: usize, b: usize) -> Option<u32> {
-        let n = self.spheres();
+        let n = self.balls();
         let mb = if b < n {
             self.material[b]
         } else {

@@ -38,7 +38,7 @@ pub fn impact(
     report: &mut StepReport,
 ) -> Result<(), Failure> {
     let both = pairs.iter().flat_map(|&(a, b)| [a as usize, b as usize]);
-    let mut spheres: Vec<usize> = both.filter(|&i| i < model.spheres()).collect();
+    let mut spheres: Vec<usize> = both.filter(|&i| i < model.bodies()).collect();
     spheres.sort_unstable();
     spheres.dedup();
     let fastest = spheres.iter().fold(0.0f64, |most, &i| {

@@ -46,7 +46,7 @@ pub struct ResidualRecord {
     pub values: Vec<f64>,
 }
 
-/// Rows since the border last took them. Frames are flat: N entries each.
+/// Rows since the border last took them. Frames are flat: an entry for each ball.
 #[derive(Clone, Debug, Default)]
 pub struct Block {
     pub frame_step: Vec<u64>,
@@ -55,6 +55,8 @@ pub struct Block {
     pub orientation: Vec<f64>,
     pub velocity: Vec<f64>,
     pub angular_velocity: Vec<f64>,
+    /// Of each free wall its displacement and its velocity along the normal, m and m/s.
+    pub free_walls: Vec<f64>,
     /// Which spheres are there, N per frame; empty unless the model has inflows or outlets.
     pub present: Vec<bool>,
     pub events: Vec<Event>,
@@ -83,6 +85,8 @@ pub struct Recorder {
     pub open_walls: Vec<[DVec3; 2]>,
     drop_impacts: bool,
     merged: Vec<ContactRecord>,
+    /// Normals of the free walls, the last bodies.
+    free_walls: Vec<DVec3>,
     /// Whether balls come and go.
     flows: bool,
 }
@@ -103,6 +107,7 @@ impl Recorder {
             open_joints: vec![[DVec3::ZERO; 2]; model.joints.len()],
             open_walls: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             drop_impacts: model.drop_impacts,
+            free_walls: model.free_walls.iter().map(|w| w.normal).collect(),
             flows: !model.flow.is_none(),
             ..Recorder::default()
         }
@@ -214,24 +219,28 @@ impl Recorder {
 
     /// Closes a frame: state and the contacts since the last one.
     pub fn add_frame(&mut self, state: &State, time: f64) {
-        let b = &mut self.block;
+        let (b, n) = (&mut self.block, state.position.len() - self.free_walls.len());
         b.frame_step.push(state.step);
         b.frame_time.push(time);
         if self.flows {
-            b.present.extend_from_slice(&state.present);
+            b.present.extend_from_slice(&state.present[..n]);
         }
-        for (x, present) in state.position.iter().zip(&state.present) {
+        for (x, present) in state.position[..n].iter().zip(&state.present) {
             let seen = if *present { *x } else { DVec3::NAN };
             b.position.extend(seen.to_array());
         }
-        for q in &state.orientation {
+        for q in &state.orientation[..n] {
             b.orientation.extend([q.w, q.x, q.y, q.z]);
         }
-        for v in &state.velocity {
+        for v in &state.velocity[..n] {
             b.velocity.extend(v.to_array());
         }
-        for w in &state.angular_velocity {
+        for w in &state.angular_velocity[..n] {
             b.angular_velocity.extend(w.to_array());
+        }
+        for (normal, i) in self.free_walls.iter().zip(n..) {
+            let along = [state.position[i], state.velocity[i]];
+            b.free_walls.extend(along.map(|v| v.dot(*normal)));
         }
         for (open, flat) in [
             (&mut self.open_joints, &mut b.joints),

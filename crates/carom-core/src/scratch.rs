@@ -79,12 +79,13 @@ pub struct Scratch {
 
 impl Scratch {
     pub fn new(model: &Model) -> Scratch {
-        let n = model.spheres();
+        let n = model.bodies();
         let mut neighbours = NeighbourList::new();
         neighbours.set_periodic(model.periodic);
         neighbours.set_threads(model.options.threads as usize);
         neighbours.set_meshes(model.mesh_spans());
-        neighbours.set_fixed_walls(model.walls.iter().all(|w| w.motion.is_none()));
+        let stands = model.free_walls.is_empty() && model.walls.iter().all(|w| w.motion.is_none());
+        neighbours.set_fixed_walls(stands);
         Scratch {
             linear: vec![Prediction::default(); n],
             angular: vec![Prediction::default(); n],

@@ -94,7 +94,7 @@ impl Simulation {
             recorder.block.events.append(&mut first.events);
         }
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             kinetic += model.kinetic(i, state.velocity[i], state.angular_velocity[i]);
             if state.present[i] {
                 potential += weight_potential(&model, i, state.position[i]);
@@ -135,7 +135,7 @@ impl Simulation {
         wall_limit: Duration,
     ) -> Option<Outcome> {
         // Small scenes have no team often enough to be worth a change of threads.
-        let threads = if self.model.spheres() >= LARGE {
+        let threads = if self.model.bodies() >= LARGE {
             self.model.options.threads as usize
         } else {
             1
@@ -150,12 +150,12 @@ impl Simulation {
         wall_limit: Duration,
     ) -> Option<Outcome> {
         let begin = Instant::now();
-        let large = self.model.spheres() >= LARGE;
+        let large = self.model.bodies() >= LARGE;
         // A step in hundreds of substeps takes as long as hundreds of others.
         let check_every = if large || self.stepper.divides_steps() {
             1
         } else {
-            (LARGE / self.model.spheres()).max(1) as u64
+            (LARGE / self.model.bodies()).max(1) as u64
         };
         // The rows of short calls at once, of long ones by doubling.
         self.recorder.block.steps.reserve(steps.min(ROWS) as usize);
@@ -184,9 +184,11 @@ impl Simulation {
         let mut walls = Walls::new(&self.model);
         walls.place(&self.model, self.time());
         let state = &self.state;
-        let radius = &self.model.radius;
+        let radius = &self.model.radius[..self.model.balls()];
         // What is not there overlaps nothing.
-        let places: Vec<DVec3> = (state.position.iter().zip(&state.present))
+        let balls = self.model.balls();
+        walls.place_free(&self.model, Some(&state.position[balls..]));
+        let places: Vec<DVec3> = (state.position[..balls].iter().zip(&state.present))
             .map(|(x, present)| if *present { *x } else { DVec3::NAN })
             .collect();
         let periodic = &self.model.periodic;

@@ -18,7 +18,7 @@ use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::method::Step;
-use crate::stepper::Span;
+use crate::stepper::{Prediction, Span};
 use crate::timers::Phase;
 use crate::wall::places::proximity_at;
 use crate::{pile, travel};
@@ -75,13 +75,13 @@ pub(crate) fn predict_and_smooth(on: &mut Step) -> Result<(), Failure> {
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<f64, Failure> {
     let (walls, linear) = (&scratch.walls, &scratch.linear);
     let (threads, moves) = (model.options.threads as usize, walls.any_moves());
-    let cohesive = model.cohesive_reach();
+    let reach = model.cohesive_reach() + way_of_free_walls(model, linear);
     let each = |first: usize, needs: &mut [f64]| {
         let mut fastest = 0.0f64;
         for (i, need) in (first..).zip(needs) {
             let (r, way) = (model.radius[i], linear[i].displacement.length());
             fastest = team::larger(fastest, way);
-            let mut reach = way + CANDIDATE_MARGIN * r + cohesive;
+            let mut reach = way + CANDIDATE_MARGIN * r + reach;
             if moves {
                 // A fast wall may be past a sphere at the end of the step.
                 let swept = walls.speed_at(state.position[i]) * h;
@@ -95,6 +95,12 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Re
     let fastest = team::reduce(threads, need.len(), need, each, team::larger);
     list(model, state, scratch)?;
     Ok(fastest)
+}
+
+/// The largest way of a free wall in its smooth motion, m.
+fn way_of_free_walls(model: &Model, linear: &[Prediction]) -> f64 {
+    let way = |p: &Prediction| p.displacement.length();
+    linear[model.balls()..].iter().map(way).fold(0.0, f64::max)
 }
 
 /// Step 2: position corrections island by island; pairs that overlap only now join, and the solve is repeated.
@@ -224,7 +230,7 @@ fn solve_level(
     report: &mut StepReport,
     select: impl Fn(&Contact) -> bool + Sync,
 ) -> Result<(), Failure> {
-    let (spheres, links) = (task.model.spheres(), &task.model.links);
+    let (spheres, links) = (task.model.bodies(), &task.model.links);
     scratch
         .islands
         .build(spheres, &scratch.contacts, links, select);

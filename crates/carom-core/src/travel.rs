@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::wall::places::Walls;
+use crate::wall::places::{displacement, Walls};
 use glam::DVec3;
 
 /// Most points looked at on the way to a wall, two per radius. Fewer: a ball that is faster than 500 radii a step may miss a thin wall; more cost time.
@@ -25,7 +25,7 @@ pub(crate) fn check(
     scratch: &Scratch,
     fastest: f64,
 ) -> Result<(), Failure> {
-    // Relative to one another two spheres travel at most twice as far as the faster.
+    // Relative to one another two bodies travel at most twice as far as the faster.
     if 2.0 * fastest < scratch.smallest && !scratch.walls.any_moves() {
         return Ok(());
     }
@@ -65,8 +65,11 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
         model.radius[i],
         scratch.linear[i].displacement,
     );
-    if j >= model.spheres() {
-        return met_wall(model, &scratch.walls, (a, b), x, d);
+    if j >= model.balls() {
+        // Against a free wall where it was given.
+        let from = displacement(&state.position, b);
+        let by = scratch.linear.get(j).map_or(DVec3::ZERO, |p| p.displacement);
+        return met_wall(model, &scratch.walls, (a, b), x - from, d - by);
     }
     let from = model.periodic.nearest(x - state.position[j]);
     let along = d - scratch.linear[j].displacement;

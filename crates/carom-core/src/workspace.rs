@@ -76,7 +76,7 @@ impl Corrections<'_> {
 impl SolveScratch {
     pub fn new(model: &Model) -> SolveScratch {
         SolveScratch {
-            node_of: vec![u32::MAX; model.spheres()],
+            node_of: vec![u32::MAX; model.bodies()],
             ..SolveScratch::default()
         }
     }
@@ -88,7 +88,7 @@ impl SolveScratch {
         for &index in island.contacts {
             let c = &contacts[index as usize];
             self.add_node(model, c.a);
-            if (c.b as usize) < model.spheres() {
+            if (c.b as usize) < model.bodies() {
                 self.add_node(model, c.b);
             }
         }
@@ -119,7 +119,7 @@ impl SolveScratch {
     /// Local node of a body; the world for walls.
     #[inline]
     pub fn node(&self, model: &Model, body: u32) -> u32 {
-        if (body as usize) < model.spheres() {
+        if (body as usize) < model.bodies() {
             self.node_of[body as usize]
         } else {
             carom_solve::rows::WORLD

@@ -57,8 +57,8 @@ impl Run<'_> {
                 return None;
             }
             let (wall, law) = (
-                (model.spheres() + w) as u32,
-                model.law_of(i, model.spheres() + w)?,
+                (model.bodies() + w) as u32,
+                model.law_of(i, model.bodies() + w)?,
             );
             let support = Support {
                 wall,
@@ -80,7 +80,7 @@ impl Run<'_> {
         let given = self.events.sums.add_support(self.model, i, motion, t);
         if let (true, Some(support)) = (self.model.record_walls, motion.support) {
             // Forces that do not vary, along a parabola: Simpson's rule is exact.
-            let wall = support.wall as usize - self.model.spheres();
+            let wall = support.wall as usize - self.model.bodies();
             let lever = |t| {
                 motion.place(t)
                     - self.model.walls[wall].shape.place()

@@ -41,7 +41,7 @@ pub fn check(model: &Model) -> Result<(), ModelError> {
 
 /// Balls that slide on such a wall do not slow down evenly.
 fn has_varying_friction(model: &Model) -> bool {
-    let n = model.spheres();
+    let n = model.bodies();
     let varies = |i: usize, w: usize| {
         let law = model.law_of(i, n + w);
         law.is_some_and(|law| model.laws[law as usize].friction_law.is_some())

@@ -8,7 +8,7 @@ use carom_core::StepReport;
 impl Run<'_> {
     /// The state at the end of the step, energies and overlaps.
     pub fn end(&mut self) -> Result<(), Failure> {
-        let (model, n, h) = (self.model, self.model.spheres(), self.span.h);
+        let (model, n, h) = (self.model, self.model.bodies(), self.span.h);
         for i in 0..n {
             if self.state.present[i] {
                 self.bring(i, h);

@@ -98,7 +98,7 @@ impl Foresight<'_> {
     ) {
         let m = &self.motions[i];
         let here = (m.place(self.now), m.velocities(self.now)[0]);
-        for j in 0..self.model.spheres() {
+        for j in 0..self.model.bodies() {
             if j == i || !self.state.present[j] || !with(j) {
                 continue;
             }
@@ -159,7 +159,7 @@ impl Foresight<'_> {
             speed: course[1].length(),
             most: self.motions[i].most,
         };
-        let (n, r, x) = (self.model.spheres(), self.model.radius[i], course[0]);
+        let (n, r, x) = (self.model.bodies(), self.model.radius[i], course[0]);
         let whole = path.way(self.mode_left(i));
         let nothing = nothing(self.model, self.fastest, r);
         for (w, wall) in self.model.walls.iter().enumerate() {

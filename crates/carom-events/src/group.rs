@@ -74,7 +74,7 @@ impl Run<'_> {
 
     /// Which balls have a part in an impact, and all contacts of theirs, by their keys.
     fn gather(&mut self, (a, b): ContactKey, t: f64) {
-        let (model, n) = (self.model, self.model.spheres());
+        let (model, n) = (self.model, self.model.bodies());
         let Events {
             motions,
             group,

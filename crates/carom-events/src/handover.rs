@@ -24,7 +24,7 @@ const LOADED: f64 = 1e-6;
 impl Run<'_> {
     /// Steps of `nsga` from the time of an event on, until nothing presses. Returns that time, or the end of the step.
     pub fn hand_over(&mut self, event: &Event) -> Result<f64, Failure> {
-        let (n, start, end) = (self.model.spheres(), event.time, self.span.h);
+        let (n, start, end) = (self.model.bodies(), event.time, self.span.h);
         if start >= end {
             return Ok(start);
         }
@@ -134,7 +134,7 @@ impl Run<'_> {
 
     /// Balls that a step has brought into the box of an outlet.
     fn take_out_all(&mut self, now: f64) {
-        for i in 0..self.model.spheres() {
+        for i in 0..self.model.bodies() {
             if is_out(self.model, self.state, i) {
                 self.leave(i, now);
                 self.note(now, Kind::Outlet, i, None, [Mode::Stepped, Mode::Gone]);

@@ -114,7 +114,7 @@ impl Run<'_> {
 
     /// All balls set off from the present state.
     pub fn begin(&mut self, now: f64) {
-        let n = self.model.spheres();
+        let n = self.model.bodies();
         let speed = |i: usize| {
             self.state.velocity[i].length()
                 + self.model.radius[i] * self.state.angular_velocity[i].length()

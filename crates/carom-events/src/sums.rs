@@ -124,7 +124,7 @@ impl Sums {
             let n = sum.along.normalize_or(sum.normal);
             let (t1, t2) = carom_geom::tangent_frame(n);
             let (i, j) = (a as usize, b as usize);
-            let met = match model.walls.get(j.wrapping_sub(model.spheres())) {
+            let met = match model.walls.get(j.wrapping_sub(model.bodies())) {
                 Some(wall) => wall.shape.meet(state.position[i], model.radius[i]),
                 None => Some(carom_geom::sphere_sphere(
                     state.position[i],

@@ -98,7 +98,7 @@ pub fn load_limit(model: &Model, state: &State, time: f64) -> f64 {
         load.tangent(&at, &mut tangents);
     }
     // Several loads on one sphere add up: sums per degree of freedom.
-    let mut sums = vec![[[0.0f64; 6]; 2]; model.spheres()];
+    let mut sums = vec![[[0.0f64; 6]; 2]; model.bodies()];
     for t in tangents.iter().filter(|t| t.of == t.over) {
         let i = t.of as usize;
         for k in 0..6 {

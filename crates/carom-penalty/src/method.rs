@@ -33,7 +33,7 @@ pub struct Penalty {
 
 impl Penalty {
     pub fn new(model: &Model) -> Penalty {
-        let (n, bodies) = (model.spheres(), model.spheres() + model.walls.len());
+        let (n, bodies) = (model.bodies(), model.bodies() + model.walls.len());
         let extended = |values: &[f64]| {
             let mut out = values.to_vec();
             out.resize(bodies, 0.0);
@@ -98,7 +98,7 @@ impl Penalty {
     /// Accelerations by gravity and loads at the present positions and at the velocities that `ahead` (s) of the present
     /// accelerations would add.
     pub fn load(&mut self, model: &Model, time: f64, ahead: f64) -> Result<(), LoadError> {
-        let n = model.spheres();
+        let n = model.bodies();
         let b = &mut self.bodies;
         if model.loads.is_empty() {
             b.smooth[..n].fill([model.gravity, DVec3::ZERO]);
@@ -137,7 +137,7 @@ impl Penalty {
 
     /// Sets the need of every sphere (m), as the neighbour list takes it.
     pub fn set_needs(&mut self, model: &Model, need: impl Fn(&Bodies, usize) -> f64) {
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             self.need[i] = if self.present[i] {
                 need(&self.bodies, i)
             } else {
@@ -186,7 +186,7 @@ impl Penalty {
     pub fn join_collisions(&mut self, model: &Model, dt: f64) {
         loop {
             self.speed.clear();
-            self.speed.resize(model.spheres(), 0.0);
+            self.speed.resize(model.bodies(), 0.0);
             for pair in &self.pairs {
                 let Some(v) = pair.collision_speed(&self.laws.elastic) else {
                     continue;

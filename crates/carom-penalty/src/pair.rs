@@ -71,7 +71,7 @@ impl Pair {
         let (a, b) = (key.0 as usize, key.1 as usize);
         let law = model.law_of(a, b);
         let [ra, rb] = [bodies.radius[a], bodies.radius[b]];
-        let wall = (b >= model.spheres()).then(|| model.wall(key.1));
+        let wall = (b >= model.bodies()).then(|| model.wall(key.1));
         let of_b = wall.map_or_else(|| 1.0 / rb, |w| w.curvature());
         // A sphere that fills its hollow wall has none left.
         let curvature = (1.0 / ra + of_b).max(1e-3 / ra);

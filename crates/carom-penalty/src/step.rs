@@ -209,7 +209,7 @@ impl Penalty {
 
     fn kick_by_loads(&mut self, model: &Model, tau: f64) {
         let b = &mut self.bodies;
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             b.motion[i][0] += tau * b.smooth[i][0];
             b.motion[i][1] += tau * b.smooth[i][1];
         }
@@ -218,7 +218,7 @@ impl Penalty {
     /// Moves spheres over `dt`, and walls to its `end`.
     fn drift(&mut self, model: &Model, end: f64, dt: f64) {
         let b = &mut self.bodies;
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             let [v, w] = b.motion[i];
             b.position[i] += dt * v;
             b.orientation[i] = rotation::advance(dt * w, b.orientation[i]);
@@ -248,7 +248,7 @@ impl Penalty {
         report.energy_kinetic = kinetic;
         report.energy_potential = potential;
         let (islands, contacts) = (&mut scratch.islands, &scratch.contacts);
-        islands.build(model.spheres(), contacts, &[], |_| true);
+        islands.build(model.bodies(), contacts, &[], |_| true);
         report.count(islands);
         if model.record_walls {
             let (b, out) = (&self.bodies, &mut scratch.wall_impulse);
@@ -261,7 +261,7 @@ impl Penalty {
     /// Kinetic energy and that of the weights, J.
     fn energies(&self, model: &Model) -> Result<(f64, f64), Failure> {
         let (mut kinetic, mut potential) = (0.0, 0.0);
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             let [v, w] = self.bodies.motion[i];
             kinetic += model.kinetic(i, v, w);
             if self.present[i] {

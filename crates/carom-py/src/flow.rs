@@ -101,7 +101,7 @@ pub fn put_state(out: &Bound<'_, PyDict>, model: &Model, state: &State) -> PyRes
 
 /// The same back, into a state that is the model's otherwise.
 pub fn read_state(dict: &Bound<'_, PyDict>, model: &Model, state: &mut State) -> PyResult<()> {
-    state.present = vec![true; model.spheres()];
+    state.present = vec![true; model.bodies()];
     state.entered.clear();
     if model.flow.is_none() {
         return Ok(());

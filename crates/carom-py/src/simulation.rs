@@ -59,16 +59,21 @@ impl Simulation {
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         out.set_item("time", self.inner.time())?;
-        let state = &self.inner.state;
-        put_kinematics(&out, state)?;
-        if !self.inner.model.flow.is_none() {
-            let n = state.present.len();
-            let places = flow::seen(state)
-                .iter()
-                .flat_map(|x| x.to_array())
-                .collect();
+        let (state, model) = (&self.inner.state, &self.inner.model);
+        let n = model.balls();
+        put_kinematics(&out, state, n)?;
+        if !model.flow.is_none() {
+            let seen = flow::seen(state);
+            let places = seen[..n].iter().flat_map(|x| x.to_array()).collect();
             put::<f64>(&out, "position", places, &[n, 3])?;
-            put(&out, "present", state.present.clone(), &[n])?;
+            put(&out, "present", state.present[..n].to_vec(), &[n])?;
+        }
+        if !model.free_walls.is_empty() {
+            let walls = (n..).zip(&model.free_walls);
+            let along = walls.flat_map(|(i, wall)| {
+                [state.position[i], state.velocity[i]].map(|v| v.dot(wall.normal))
+            });
+            put::<f64>(&out, "free_walls", along.collect(), &[model.free_walls.len(), 2])?;
         }
         Ok(out)
     }
@@ -131,7 +136,7 @@ impl Simulation {
         let s = &self.inner.state;
         let out = PyDict::new(py);
         put(&out, "step", vec![s.step], &[1])?;
-        put_kinematics(&out, s)?;
+        put_kinematics(&out, s, s.position.len())?;
         flow::put_state(&out, &self.inner.model, s)?;
         put_pairs(&out, "pseudo", &s.pseudo)?;
         put_pairs(&out, "acceleration", &s.acceleration)?;
@@ -156,8 +161,7 @@ impl Simulation {
 
     /// Takes a state back. Refuses one of another model size.
     fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
-        let n = self.inner.model.spheres();
-        let bodies = n + self.inner.model.walls.len();
+        let bodies = self.inner.model.balls() + self.inner.model.walls.len();
         let mut loaded = read_state(state)?;
         flow::read_state(state, &self.inner.model, &mut loaded)?;
         (loaded.check(&self.inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;

@@ -80,10 +80,14 @@ impl Kept<20> for ContactRecord {
     }
 }
 
-pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State) -> PyResult<()> {
-    let vectors = |name: &str, records| Table { out, records }.rows(name, DVec3::to_array);
+/// Places and velocities of the first `n` bodies.
+pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State, n: usize) -> PyResult<()> {
+    let vectors = |name: &str, all: &[DVec3]| {
+        let records = &all[..n];
+        Table { out, records }.rows(name, DVec3::to_array)
+    };
     vectors("position", &s.position)?;
-    let records = &s.orientation;
+    let records = &s.orientation[..n];
     Table { out, records }.rows("orientation", |q| [q.w, q.x, q.y, q.z])?;
     vectors("velocity", &s.velocity)?;
     vectors("angular_velocity", &s.angular_velocity)

@@ -36,7 +36,8 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
 
 pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<()> {
     let py = out.py();
-    let (n, joints, walls) = (model.spheres(), model.joints.len(), model.recorded_walls());
+    let (n, joints, walls) = (model.balls(), model.joints.len(), model.recorded_walls());
+    let free = model.free_walls.len();
     let tables = ["contacts", "impacts", "steps", "residuals"].map(|_| PyDict::new(py));
     let [contacts, impacts, steps, residuals] = &tables;
     put_contacts(contacts, model, &b.contacts)?;
@@ -62,6 +63,9 @@ pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<(
     put(&frames, "orientation", b.orientation, &[f, n, 4])?;
     put(&frames, "velocity", b.velocity, &[f, n, 3])?;
     put(&frames, "angular_velocity", b.angular_velocity, &[f, n, 3])?;
+    if free > 0 {
+        put(&frames, "free_walls", b.free_walls, &[f, free, 2])?;
+    }
     if joints > 0 {
         put(&frames, "joint_impulse", b.joints, &[f, joints, 6])?;
     }

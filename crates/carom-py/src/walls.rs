@@ -3,7 +3,7 @@
 use crate::arrays::{ids, item, rows};
 use crate::coupling::{law, list, refuse, three_laws, vector};
 use carom_core::wall::{Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
-use carom_core::wall::{WallMotion, WallRotation};
+use carom_core::wall::{FreeWallInput, WallMotion, WallRotation};
 use glam::DVec3;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -132,6 +132,23 @@ fn motion(given: &Bound<'_, PyDict>) -> PyResult<WallMotion> {
         out.until = Some(until.extract()?);
     }
     Ok(out)
+}
+
+/// Free walls: `{"wall": index among all walls, "mass", "velocity", "weighs", "force": law of time}`.
+pub fn free_walls(dict: &Bound<'_, PyDict>) -> PyResult<Vec<FreeWallInput>> {
+    list(dict, "free_walls")?
+        .iter()
+        .map(|value| {
+            let given = value.cast::<PyDict>()?;
+            Ok(FreeWallInput {
+                wall: item(given, "wall")?.extract()?,
+                mass: item(given, "mass")?.extract()?,
+                velocity: item(given, "velocity")?.extract()?,
+                weighs: item(given, "weighs")?.extract()?,
+                force: law(&item(given, "force")?)?,
+            })
+        })
+        .collect()
 }
 
 /// A wish that is `False` where it is not given.

@@ -77,6 +77,31 @@ class Poses:
         return centre + displacement + rotated(self.orientation(time), point - centre)
 
 
+class FreePoses(Poses):
+    """The motion of a free wall along its `normal` (3,), from its displacement (T,), m, and velocity (T,), m/s, at the
+    times (T,) of the frames: between them the cubic that has both.
+    """
+
+    def __init__(self, normal: F64, time: F64, displacement: F64, velocity: F64) -> None:
+        super().__init__("")
+        self._normal, self._time = normal, time
+        self._along, self._velocity = displacement, velocity
+
+    @property
+    def moves(self) -> bool:
+        return True
+
+    def displacement(self, time: F64) -> F64:
+        from scipy.interpolate import CubicHermiteSpline
+
+        if len(self._time) < 2:
+            along = np.full(len(time), self._along[0])
+        else:
+            within = np.clip(time, self._time[0], self._time[-1])
+            along = CubicHermiteSpline(self._time, self._along, self._velocity)(within)
+        return np.outer(along, self._normal)
+
+
 def _values(law: Sequence[Any], time: F64) -> F64:
     """A law in the form of the core at several times, (T,)."""
     form, data = law
@@ -130,12 +155,33 @@ class Wall:
         self.facts = dict(facts)
         """The row of `result.planes` or of `/walls` of the file: point, axis, radius ..."""
         try:
-            self.motion = Poses(str(facts.get("motion", "")))
+            self.motion = self._free_poses() or Poses(str(facts.get("motion", "")))
             self.motion.position(np.zeros(3), np.zeros(1)).reshape(1, 3)
         except (AttributeError, *DAMAGED) as error:
             table = "planes" if self.shape == "plane" else "walls"
             why = f"{quoted(self.name)}: {first_line(error)}"
             raise result._segments.damage(f"/{table}/motion", why) from error
+
+    def _free_poses(self) -> FreePoses | None:
+        """Those of a free wall; free walls are the first ones."""
+        if not str(self.facts.get("free", "")):
+            return None
+        column = np.asarray(self._result._segments.column("frames", "free_walls")[:, self.index])
+        normal = np.asarray(self.facts["normal"], dtype=np.float64)
+        return FreePoses(normal, np.asarray(self.time), column[:, 0], column[:, 1])
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it moves along its normal by what presses it."""
+        return isinstance(self.motion, FreePoses)
+
+    @property
+    def velocity(self) -> F64:
+        """Velocity of a free wall along its normal, (T,), m/s."""
+        if not self.is_free:
+            raise CaromError(f"wall {quoted(self.name)} is not free; its motion is that of the scenario")
+        found: F64 = np.asarray(self._result._segments.column("frames", "free_walls")[:, self.index, 1])
+        return found
 
     @property
     def time(self) -> Any:
@@ -216,7 +262,7 @@ class Wall:
         return np.diff(time, prepend=np.nan)[:, np.newaxis]
 
     def __repr__(self) -> str:
-        how = "moving" if self.motion.moves else "fixed"
+        how = "free" if self.is_free else "moving" if self.motion.moves else "fixed"
         return f"<wall {self.name!r}: {how} {self.shape}, {len(self.time)} frames>"
 
 

@@ -8,7 +8,7 @@ mod state;
 use crate::flow::{Inflow, Outlet};
 use crate::force::Load;
 use crate::joint::Joint;
-use crate::wall::{Mesh, Shape, WallMotion};
+use crate::wall::{FreeWallInput, Mesh, Shape, WallMotion};
 use carom_laws::Scalar;
 use glam::DVec3;
 use std::sync::Arc;
@@ -36,6 +36,8 @@ pub struct ModelInput {
     pub meshes: Vec<(Arc<Mesh>, DVec3, u32)>,
     /// Motions of walls, planes counted first, meshes last.
     pub wall_motion: Vec<(u32, WallMotion)>,
+    /// Planes that move freely: the first of all walls, in their order.
+    pub free_walls: Vec<FreeWallInput>,
     /// Whether impulses on walls are recorded where no wall moves.
     pub record_walls: bool,
     /// Leave out the table of impacts.

@@ -1,13 +1,13 @@
 //! A model from its description: every number is checked, and every refusal names the entry.
 
 use super::{flow, ModelInput};
-use crate::force::Dependence;
+use crate::force::{Dependence, Load};
 use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
-use crate::options::Options;
+use crate::options::{Method, Options};
 use crate::outcome::{entry, finite, positive, ModelError};
-use crate::wall::{self, checked, MeshWall, Shape, Wall};
+use crate::wall::{self, checked, FreeWall, MeshWall, Press, Shape, Wall};
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -39,23 +39,29 @@ impl Model {
             }
         }
         finite("world", 0, "gravity", &input.gravity)?;
-        let (walls, meshes) = compile_walls(input)?;
+        let (mut walls, meshes) = compile_walls(input)?;
+        let free = compile_free_walls(input, &options, &mut walls)?;
         let periodic = super::periodic::compile(input, &walls)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
-        let links = compile_links(input)?;
+        let loads = compile_loads(input, &free)?;
+        let links = compile_links(input, &loads)?;
+        let bodies = Bodies::new(input, &free);
         let model = Model {
             gravity: DVec3::from(input.gravity),
-            radius: input.radius.clone(),
-            mass: input.mass.clone(),
-            inertia: input.inertia.clone(),
-            inv_mass: input.mass.iter().map(|m| 1.0 / m).collect(),
-            inv_inertia: input.inertia.iter().map(|i| 1.0 / i).collect(),
+            inv_mass: bodies.mass.iter().map(|m| 1.0 / m).collect(),
+            inv_inertia: bodies.inertia.iter().map(|i| 1.0 / i).collect(),
+            radius: bodies.radius,
+            mass: bodies.mass,
+            inertia: bodies.inertia,
             material: input.material.clone(),
+            free_walls: free,
             drop_impacts: input.drop_impacts,
             every_impact: input.every_impact && !input.drop_impacts,
             courses: input.courses && !input.drop_impacts,
-            record_walls: input.record_walls || walls.iter().any(|w| w.motion.is_some()),
+            record_walls: input.record_walls
+                || !input.free_walls.is_empty()
+                || walls.iter().any(|w| w.motion.is_some()),
             walls,
             meshes,
             periodic,
@@ -65,12 +71,12 @@ impl Model {
             materials,
             joints: input.joints.clone(),
             held_apart: HeldApart::new(&input.joints, &input.radius),
-            loads: input.loads.clone(),
+            loads,
             links,
             options,
         };
         let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();
-        let initial = InitialState {
+        let mut initial = InitialState {
             position: vectors(&input.position),
             orientation: input
                 .orientation
@@ -80,12 +86,93 @@ impl Model {
             velocity: vectors(&input.velocity),
             angular_velocity: vectors(&input.angular_velocity),
         };
+        for (wall, given) in model.free_walls.iter().zip(&input.free_walls) {
+            initial.position.push(DVec3::ZERO);
+            initial.orientation.push(DQuat::IDENTITY);
+            initial.velocity.push(given.velocity * wall.normal);
+            initial.angular_velocity.push(DVec3::ZERO);
+        }
         Ok((model, initial))
     }
 }
 
+/// Masses and sizes of the bodies: balls, then free walls.
+struct Bodies {
+    radius: Vec<f64>,
+    mass: Vec<f64>,
+    inertia: Vec<f64>,
+}
+
+impl Bodies {
+    fn new(input: &ModelInput, free: &[FreeWall]) -> Bodies {
+        // A wall has no radius: lengths of its residuals are those of the smallest ball.
+        let smallest = input.radius.iter().copied().fold(f64::INFINITY, f64::min);
+        let with = |of_balls: &[f64], of_walls: &dyn Fn(usize) -> f64| {
+            let of_walls = (0..free.len()).map(of_walls);
+            of_balls.iter().copied().chain(of_walls).collect()
+        };
+        Bodies {
+            radius: with(&input.radius, &|_| smallest),
+            mass: with(&input.mass, &|k| input.free_walls[k].mass),
+            inertia: with(&input.inertia, &|_| wall::HELD_INERTIA),
+        }
+    }
+}
+
+/// Free walls, which are marked as such.
+fn compile_free_walls(
+    input: &ModelInput,
+    options: &Options,
+    walls: &mut [Wall],
+) -> Result<Vec<FreeWall>, ModelError> {
+    if !input.free_walls.is_empty() && matches!(options.method, Method::Penalty | Method::Events) {
+        let text = "moves with methods nsga and moreau alone".to_owned();
+        return Err(entry("free wall", 0, "method", text));
+    }
+    let gravity = DVec3::from(input.gravity);
+    let mut free = Vec::with_capacity(input.free_walls.len());
+    for (index, given) in input.free_walls.iter().enumerate() {
+        let of_wall = |(quantity, text)| entry("free wall", index, quantity, text);
+        positive("free wall", index, "mass", given.mass)?;
+        let wall = walls.get_mut(index).filter(|_| given.wall as usize == index);
+        let Some(wall) = wall else {
+            let text = format!("is {}; free walls are the first ones, in order", given.wall);
+            return Err(of_wall(("wall", text)));
+        };
+        free.push(FreeWall::new(wall, given, gravity).map_err(of_wall)?);
+        wall.set_free();
+    }
+    Ok(free)
+}
+
+/// The loads of the scene, and those on free walls.
+fn compile_loads(
+    input: &ModelInput,
+    free: &[FreeWall],
+) -> Result<Vec<Arc<dyn Load>>, ModelError> {
+    let mut loads = input.loads.clone();
+    let n = input.radius.len();
+    for (index, (wall, given)) in free.iter().zip(&input.free_walls).enumerate() {
+        let press = Press {
+            body: (n + index) as u32,
+            normal: wall.normal,
+            force: given.force.clone(),
+        };
+        press
+            .check()
+            .map_err(|(quantity, text)| entry("free wall", index, quantity, text))?;
+        if press.force.value(0.0) != 0.0 || !press.force.is_constant() {
+            loads.push(Arc::new(press));
+        }
+    }
+    Ok(loads)
+}
+
 /// Checks joints and loads and lists what they join.
-fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
+fn compile_links(
+    input: &ModelInput,
+    loads: &[Arc<dyn Load>],
+) -> Result<Vec<Link>, ModelError> {
     let n = input.radius.len();
     let mut links = Vec::new();
     let missing = |kind, index, body: u32| {
@@ -131,9 +218,10 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
             kind: LinkKind::Joint(index as u32),
         });
     }
-    for (index, load) in input.loads.iter().enumerate() {
-        let bodies = load.bodies();
-        if let Some(body) = bodies.into_iter().flatten().find(|&b| b as usize >= n) {
+    let bodies = n + input.free_walls.len();
+    for (index, load) in loads.iter().enumerate() {
+        let named = load.bodies().into_iter().flatten();
+        if let Some(body) = named.into_iter().find(|&b| b as usize >= bodies) {
             return Err(missing("load", index, body));
         }
         load.check()

@@ -11,7 +11,8 @@ use glam::{DQuat, DVec3};
 impl State {
     /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
     pub fn new(model: &Model, initial: InitialState) -> State {
-        let start = vec![[model.gravity, DVec3::ZERO]; model.spheres()];
+        let gravity = |i| [model.gravity_of(i), DVec3::ZERO];
+        let start: Vec<_> = (0..model.bodies()).map(gravity).collect();
         let mut state = State {
             step: 0,
             position: initial.position,
@@ -21,7 +22,7 @@ impl State {
             pseudo: start.clone(),
             acceleration: start,
             reaction: Vec::new(),
-            present: model.flow.present_at_start(model.spheres()),
+            present: model.flow.present_at_start(model.bodies()),
             entered: vec![0; model.flow.inflows.len()],
             warm: Vec::new(),
             warm_step: model.options.step,
@@ -33,7 +34,7 @@ impl State {
             state.reaction = reactions.iter().map(|r| [*r, *r]).collect();
             state.pseudo.clone_from(&state.acceleration);
         }
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             if !state.present[i] {
                 state.set_absent(i);
             }
@@ -44,7 +45,7 @@ impl State {
     /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
     pub fn check(&self, model: &Model) -> Result<(), ModelError> {
         let refuse = |text: String| Err(ModelError::State(text));
-        let (n, bodies) = (model.spheres(), model.spheres() + model.walls.len());
+        let (n, bodies) = (model.bodies(), model.balls() + model.walls.len());
         let lengths = [
             ("position", self.position.len()),
             ("orientation", self.orientation.len()),

@@ -5,7 +5,7 @@ use crate::flow::{Event, Exchange, Inflow, Outlet};
 use crate::force::total::weight_potential;
 use crate::model::Model;
 use crate::state::State;
-use crate::wall::places::Walls;
+use crate::wall::places::{displacement, Walls};
 use glam::DVec3;
 
 /// Places (1) tried for a ball in a step before it waits for the next: bounds the time a full region costs in each step. With
@@ -24,7 +24,7 @@ pub(crate) fn exchange(
     at: (u64, f64),
 ) -> Exchange {
     let mut exchange = Exchange::default();
-    for i in 0..model.spheres() {
+    for i in 0..model.balls() {
         if is_out(model, state, i) {
             take_out(model, state, i, at, &mut exchange);
         }
@@ -95,7 +95,7 @@ fn admit(
             let body = flow.first + number;
             let room = room.get_or_insert_with(|| Room::new(model, state, flow));
             let mut draw = Draw::new([flow.seed, u64::from(body), step]);
-            let Some(x) = place(model, walls, room, flow, body, &mut draw) else {
+            let Some(x) = place(model, state, walls, room, flow, body, &mut draw) else {
                 break;
             };
             let i = body as usize;
@@ -114,6 +114,7 @@ fn admit(
 /// A place in the region at which the ball overlaps nothing, if one of the tries finds it.
 fn place(
     model: &Model,
+    state: &State,
     walls: &Walls,
     room: &Room,
     flow: &Inflow,
@@ -123,10 +124,11 @@ fn place(
     let r = model.radius[body as usize];
     (0..TRIES).find_map(|_| {
         let x = flow.region.point([draw.next(), draw.next(), draw.next()]);
-        let free = room.is_free(x, r)
-            && walls
-                .listed(model)
-                .all(|wall| walls.meet(model, body, wall, x).gap >= 0.0);
+        let clear = |wall| {
+            let from = displacement(&state.position, wall);
+            walls.meet(model, body, wall, x - from).gap >= 0.0
+        };
+        let free = room.is_free(x, r) && walls.listed(model).all(clear);
         free.then_some(x)
     })
 }

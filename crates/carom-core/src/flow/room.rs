@@ -41,7 +41,8 @@ impl Room {
         };
         let margin = DVec3::splat(2.0 * largest);
         let [low, high] = flow.region.bounds();
-        for (i, (&x, &r)) in state.position.iter().zip(&model.radius).enumerate() {
+        let balls = &state.position[..model.balls()];
+        for (i, (&x, &r)) in balls.iter().zip(&model.radius).enumerate() {
             // Along periodic axes the region may be anywhere.
             let near = (x.cmpge(low - margin) & x.cmple(high + margin)) | repeats;
             if state.present[i] && near.all() {

@@ -31,13 +31,13 @@ pub fn add_loads(model: &Model, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Resul
     Ok(())
 }
 
-/// Weight of sphere `i`, N.
+/// Weight of body `i`, N.
 #[inline]
 pub fn weight(model: &Model, i: usize) -> DVec3 {
-    model.mass[i] * model.gravity
+    model.mass[i] * model.gravity_of(i)
 }
 
-/// Potential energy of the weight of sphere `i` at `x`, J, with its zero at the origin.
+/// Potential energy of the weight of body `i` at `x`, J, with its zero at the origin (of a free wall: where it was given).
 #[inline]
 pub fn weight_potential(model: &Model, i: usize, x: DVec3) -> f64 {
     -weight(model, i).dot(x)

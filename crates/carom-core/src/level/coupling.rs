@@ -22,7 +22,7 @@ pub struct Trial {
 
 impl Trial {
     pub fn new(model: &Model) -> Trial {
-        let n = if model.is_free() { 0 } else { model.spheres() };
+        let n = if model.is_free() { 0 } else { model.bodies() };
         Trial {
             position: vec![DVec3::ZERO; n],
             orientation: vec![DQuat::IDENTITY; n],

@@ -37,7 +37,7 @@ pub fn solve(on: &mut Step) -> Result<(), Failure> {
 /// The motion under the weight alone.
 fn predict(model: &Model, state: &State, scratch: &mut Scratch, coefficients: &Coefficients) {
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
-    let (threads, n) = (model.options.threads as usize, model.spheres());
+    let (threads, n) = (model.options.threads as usize, model.bodies());
     let out = (
         &mut scratch.linear[..n],
         &mut scratch.angular[..n],

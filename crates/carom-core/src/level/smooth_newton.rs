@@ -106,7 +106,7 @@ impl SmoothScratch {
             first_row.push(rows);
             rows += joint.rows.len() as u32;
         }
-        let n = if model.is_free() { 0 } else { model.spheres() };
+        let n = if model.is_free() { 0 } else { model.bodies() };
         let mut scratch = SmoothScratch {
             grouped: vec![false; n],
             local: vec![0; n],
@@ -214,7 +214,7 @@ impl SmoothScratch {
                 terms.rounding += magnitude.rounding;
             }
         }
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             let [a, alpha] = acceleration(i);
             let [f, m] = trial.wrench[i];
             let (inertia, turn) = (model.mass[i] * a, model.inertia[i] * alpha);
@@ -396,7 +396,7 @@ impl SmoothScratch {
         mut apply: impl FnMut(usize, [DVec3; 2]),
     ) -> bool {
         let inverse = 1.0 / weights.acceleration;
-        for i in 0..model.spheres() {
+        for i in 0..model.bodies() {
             if !self.is_grouped(i) {
                 let [f, m] = self.residual[i];
                 let scale = (inverse * model.inv_mass[i], inverse * model.inv_inertia[i]);
@@ -432,7 +432,7 @@ impl SmoothScratch {
 /// Accelerations, and the reaction of every joint: force and moment on its sphere A.
 pub fn initial_accelerations(model: &Model, state: &State) -> (Vec<[DVec3; 2]>, Vec<[DVec3; 2]>) {
     let mut reactions = vec![[DVec3::ZERO; 2]; model.joints.len()];
-    let mut accelerations = vec![[DVec3::ZERO; 2]; model.spheres()];
+    let mut accelerations = vec![[DVec3::ZERO; 2]; model.bodies()];
     let mut trial = Trial::new(model);
     trial.position.copy_from_slice(&state.position);
     trial.orientation.copy_from_slice(&state.orientation);

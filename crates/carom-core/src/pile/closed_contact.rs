@@ -20,6 +20,8 @@ pub(super) struct ClosedContact {
     /// Place among the velocities of moving walls, [`FIXED`] where none moves.
     pub driven: u32,
     pub normal: DVec3,
+    /// Impulses move B along the normal alone.
+    pub guided: bool,
     /// Lever arms, m.
     pub arms: [f64; 2],
     pub friction: f64,
@@ -100,6 +102,15 @@ impl ClosedContact {
         d + self.normal.cross(spin)
     }
 
+    /// The part of an impulse that moves B.
+    #[inline]
+    pub fn on_b(&self, r: DVec3) -> DVec3 {
+        match self.guided {
+            true => r.dot(self.normal) * self.normal,
+            false => r,
+        }
+    }
+
     /// Of its normal and tangential rows, 1/kg.
     pub fn inverse_masses(&self, bodies: &[Body]) -> [f64; 2] {
         let sides = [(self.a, self.arms[0]), (self.b, self.arms[1])];
@@ -108,7 +119,8 @@ impl ClosedContact {
             None => [0.0; 2],
         });
         let normal = of[0][0] + of[1][0];
-        [normal, normal + of[0][1] + of[1][1]]
+        let across = if self.guided { of[0][0] } else { normal };
+        [normal, across + of[0][1] + of[1][1]]
     }
 
     /// Adds what one problem gave. Contacts that closed enter the table of impacts, those that a load pressed only where that has rows of loads

@@ -107,7 +107,7 @@ pub fn may_fall_back(island: Island) -> bool {
 
 /// The node of a body; the world for walls.
 pub(super) fn node(model: &Model, node_of: &[u32], body: u32) -> u32 {
-    if (body as usize) < model.spheres() {
+    if (body as usize) < model.bodies() {
         node_of[body as usize]
     } else {
         WORLD

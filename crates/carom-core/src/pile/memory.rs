@@ -31,8 +31,9 @@ pub struct Pile {
     pub(super) contacts: Vec<spheres::Contact>,
     /// Rolling and spinning friction of the contacts; empty where nothing rolls.
     pub(super) rolls: Vec<spheres::Roll>,
-    /// Spheres of the nodes.
+    /// Bodies of the nodes, and which of them are free walls, with their normals.
     pub(super) spheres: Vec<u32>,
+    pub(super) guided: Vec<(u32, [f64; 3])>,
     /// Impulses that a solve starts from.
     pub(super) start: Vec<[f64; 3]>,
     /// Moments, where something rolls.
@@ -93,10 +94,18 @@ impl Pile {
         self.spheres.clear();
         for &body in self.ends.iter().flatten() {
             let i = body as usize;
-            if i < model.spheres() && self.spheres.get(node_of[i] as usize) != Some(&body) {
+            if i < model.bodies() && self.spheres.get(node_of[i] as usize) != Some(&body) {
                 node_of[i] = self.spheres.len() as u32;
                 self.spheres.push(body);
             }
+        }
+        let guide = |(node, &body): (u32, &u32)| {
+            let wall = model.free_wall(body as usize)?;
+            Some((node, wall.normal.to_array()))
+        };
+        self.guided.clear();
+        if !model.free_walls.is_empty() {
+            self.guided.extend((0..).zip(&self.spheres).filter_map(guide));
         }
         let spheres = &self.spheres;
         chunks::refill(threads, &mut self.bodies, spheres.len(), |k| {
@@ -117,6 +126,9 @@ impl Pile {
         self.drop_missing_rows();
         let (bodies, places) = self.problem_nodes.of(&self.bodies, &self.places);
         let places = (places.len() >= SORTED_SPHERES).then_some(places);
+        let guided = self.guided.iter().copied();
+        self.sweeps.guided.clear();
+        (self.sweeps.guided).extend(self.problem_nodes.numbered(guided));
         self.sweeps
             .renew_from(bodies, &self.contacts, places, &self.start)?;
         if self.huge {

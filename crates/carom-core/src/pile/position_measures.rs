@@ -91,11 +91,14 @@ impl Linearisation<'_> {
             let u = u.map_or(DVec3::ZERO, |u| DVec3::new(u[0], u[1], u[2]));
             taken.get(node as usize).map_or(u, |taken| u - *taken)
         };
+        let any_free = !self.model.free_walls.is_empty();
         let centre = |node: u32| DVec3::from(places[node as usize]) + moved(node);
         chunks::each(self.threads, contacts, |k, z| {
             let (ua, ub) = (moved(z.a), moved(z.b));
-            let p = if z.a == WORLD || z.b == WORLD {
-                let c = &self.contacts[self.members[k] as usize];
+            let contact = || &self.contacts[self.members[k] as usize];
+            let guided = any_free && contact().is_guided(self.model);
+            let p = if z.a == WORLD || z.b == WORLD || guided {
+                let c = contact();
                 let at = |body: u32, u: DVec3| match self.position.get(body as usize) {
                     Some(x) => *x + u,
                     None => DVec3::ZERO,

@@ -77,6 +77,15 @@ impl ProblemNodes {
         }
     }
 
+    /// What belongs to nodes of the island, by their numbers in the problem; without what is not in it.
+    pub fn numbered<'a, T: 'a>(
+        &'a self,
+        at_nodes: impl Iterator<Item = (u32, T)> + 'a,
+    ) -> impl Iterator<Item = (u32, T)> + 'a {
+        let numbered = at_nodes.map(|(node, of)| (self.number(node), of));
+        numbered.filter(|(number, _)| *number != WORLD)
+    }
+
     /// Bodies and places of the problem, of those of the island.
     pub fn of<'a>(&'a self, bodies: &'a [Body], places: &'a [Place]) -> (&'a [Body], &'a [Place]) {
         if self.whole {

@@ -190,14 +190,14 @@ impl Velocities {
     /// Adds an impulse on A to the jump.
     pub fn push(bodies: &[spheres::Body], m: &ClosedContact, r: DVec3, jump: &mut [[DVec3; 2]]) {
         let turn = m.normal.cross(r);
-        let mut add = |node: u32, sign: f64, arm: f64| {
+        let mut add = |node: u32, r: DVec3, arm: f64| {
             let (body, at) = (&bodies[node as usize], &mut jump[node as usize]);
-            at[0] += sign * body.inv_mass * r;
+            at[0] += body.inv_mass * r;
             at[1] -= body.inv_inertia * arm * turn;
         };
-        add(m.a, 1.0, m.arms[0]);
+        add(m.a, r, m.arms[0]);
         if m.b != WORLD {
-            add(m.b, -1.0, m.arms[1]);
+            add(m.b, -m.on_b(r), m.arms[1]);
         }
     }
 

@@ -156,6 +156,7 @@ impl Pile {
                 b: node(model, node_of, c.b),
                 driven: places.get(k).copied().unwrap_or(FIXED),
                 normal: c.n1,
+                guided: c.is_guided(model),
                 arms: [model.radius[c.a as usize], c.radius_b(model)],
                 friction: c.bounds.sliding,
                 law: c.law,

@@ -99,12 +99,12 @@ fn weigh_loads(
     scratch: &mut Scratch,
     time: f64,
 ) -> Result<(), Failure> {
-    let mut wrench = vec![[DVec3::ZERO; 2]; model.spheres()];
+    let mut wrench = vec![[DVec3::ZERO; 2]; model.bodies()];
     let added = add_loads(model, &motion_of(state, time), &mut wrench);
     evaluated(added, &mut scratch.load_error)?;
     for (i, [force, moment]) in wrench.into_iter().enumerate() {
         let pair = [
-            model.gravity + model.inv_mass[i] * force,
+            model.gravity_of(i) + model.inv_mass[i] * force,
             model.inv_inertia[i] * moment,
         ];
         // The state is saved where a run stops, and read again only if it holds nothing but numbers.
@@ -118,7 +118,7 @@ fn weigh_loads(
 
 /// Spheres and walls at the predicted midpoint.
 fn move_to_middle(model: &Model, state: &State, scratch: &mut Scratch, whole: Span) {
-    for i in 0..model.spheres() {
+    for i in 0..model.bodies() {
         scratch.position[i] = state.position[i] + 0.5 * whole.h * state.velocity[i];
     }
     scratch.walls.place(model, whole.start + 0.5 * whole.h);
@@ -133,13 +133,19 @@ fn move_by_predictions(state: &State, scratch: &mut Scratch) {
 
 /// Lists every pair that may overlap at `scratch.position`. The largest way of a sphere in its smooth motion, m.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64, Failure> {
-    let (mut fastest, cohesive) = (0.0f64, model.cohesive_reach());
-    for i in 0..model.spheres() {
+    let way_of_walls = |i: usize| {
+        let way = (scratch.position[i] - state.position[i]).length();
+        way.max(scratch.linear[i].displacement.length())
+    };
+    let of_walls = (model.balls()..model.bodies()).map(way_of_walls);
+    let reach = model.cohesive_reach() + of_walls.fold(0.0, f64::max);
+    let mut fastest = 0.0f64;
+    for i in 0..model.bodies() {
         // The whole way of the smooth step too: what lies on it must be known.
         let smooth = scratch.linear[i].displacement.length();
         fastest = fastest.max(smooth);
         let way = (scratch.position[i] - state.position[i]).length();
-        let need = way.max(smooth) + CANDIDATE_MARGIN * model.radius[i] + cohesive;
+        let need = way.max(smooth) + CANDIDATE_MARGIN * model.radius[i] + reach;
         scratch.need[i] = state.need(model, i, need);
     }
     candidates::list(model, state, scratch)?;
@@ -169,7 +175,7 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failu
 
 /// `x_{n+1}` and the increment of rotation from `v_{n+1} = v-check + W`.
 fn advance(model: &Model, state: &State, scratch: &mut Scratch, theta_h: f64) {
-    for i in 0..model.spheres() {
+    for i in 0..model.bodies() {
         let [linear, angular] = scratch.jump[i];
         scratch.linear[i].displacement += theta_h * linear;
         scratch.angular[i].displacement += theta_h * angular;

@@ -5,10 +5,12 @@
 //! it besides (a conveyor, a drum that turns in itself), which sliding, rolling and spinning rows see and the normal row not.
 
 mod check;
+mod free;
 mod motion;
 pub mod places;
 
 pub use carom_geom::{BadTriangle, Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
+pub use free::{FreeWall, FreeWallInput, Press, HELD_INERTIA};
 pub use check::{checked, finite as place, length, positive as size};
 pub use motion::{WallMotion, WallRotation, WallTwist};
 
@@ -63,6 +65,11 @@ impl Wall {
             fixed_plane: matches!(shape, Shape::HalfSpace { .. }),
             steady_plane: matches!(shape, Shape::HalfSpace { .. } | Shape::Sheet(_)),
         }
+    }
+
+    /// The same plane, as a body that moves freely.
+    pub(crate) fn set_free(&mut self) {
+        self.fixed_plane = false;
     }
 
     /// The same wall with a motion, at a place among those that have one.

@@ -8,7 +8,7 @@ use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::motion::{Instant, WallTwist};
 use carom_geom::{sphere_plane, Displacement, Proximity, Shape};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::ops::Range;
 
 /// A moving wall over a step.
@@ -100,7 +100,7 @@ impl Walls {
                     "the motion of this wall is not finite, or faster than {FASTEST:e} m/s or rad/s, by t = {} s",
                     span.end
                 );
-                return Err(LoadError::on((model.spheres() + index) as u32, text));
+                return Err(LoadError::on((model.balls() + index) as u32, text));
             }
         }
         Ok(())
@@ -118,13 +118,27 @@ impl Walls {
         }
     }
 
+    /// Puts free walls where they are, by their displacements, or back to where they were given.
+    pub fn place_free(&mut self, model: &Model, displacements: Option<&[DVec3]>) {
+        for (index, now) in self.now[..model.free_walls.len()].iter_mut().enumerate() {
+            *now = model.walls[index].shape;
+            if let Some(by) = displacements {
+                *now = now.moved(&Displacement {
+                    turn: DQuat::IDENTITY,
+                    about: DVec3::ZERO,
+                    shift: by[index],
+                });
+            }
+        }
+    }
+
     /// The walls as bodies, of meshes the triangles alone: what they have besides is nearest where triangles are.
     pub fn listed<'m>(&self, model: &'m Model) -> impl Iterator<Item = u32> + 'm {
         let first = |(walls, count): (Range<usize>, usize)| walls.start..walls.start + count;
         let triangles = model.mesh_spans().into_iter().flat_map(first);
         (0..model.simple_walls())
             .chain(triangles)
-            .map(|w| (model.spheres() + w) as u32)
+            .map(|w| (model.balls() + w) as u32)
     }
 
     /// Whether any wall moves.
@@ -140,7 +154,7 @@ impl Walls {
         }
         let wall = model
             .walls
-            .get((body as usize).wrapping_sub(model.spheres()))?;
+            .get((body as usize).wrapping_sub(model.balls()))?;
         self.courses.get(wall.slot as usize)
     }
 
@@ -150,14 +164,14 @@ impl Walls {
         self.course(model, b).is_some_and(|c| c.gone)
     }
 
-    /// How sphere `a` at `xa` meets wall `b`, where it stands now.
+    /// How sphere `a` at `xa` meets wall `b`, where it stands now; a free one where it was given, and `xa` is counted from its displacement.
     #[inline(always)]
     pub fn meet(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
         if self.is_gone(model, b) {
             return NOWHERE;
         }
         meet(
-            &self.now[b as usize - model.spheres()],
+            &self.now[b as usize - model.balls()],
             xa,
             model.radius[a as usize],
         )
@@ -170,7 +184,7 @@ impl Walls {
             return NOWHERE;
         }
         meet(
-            &self.start[b as usize - model.spheres()],
+            &self.start[b as usize - model.balls()],
             xa,
             model.radius[a as usize],
         )
@@ -243,20 +257,20 @@ impl Walls {
 
     /// What a sphere at `x` may touch of a listed wall within `reach` (m): the wall itself, of a triangle a part of its mesh.
     pub fn part(&self, model: &Model, (a, b): (u32, u32), x: DVec3, reach: f64) -> Option<u32> {
-        let (wall, r) = (b as usize - model.spheres(), model.radius[a as usize]);
+        let (wall, r) = (b as usize - model.balls(), model.radius[a as usize]);
         if wall < model.simple_walls() {
             return Some(b);
         }
         let mesh = model.mesh_of(b)?;
         let (first, placed) = (mesh.walls.start, &self.now[mesh.walls.clone()]);
         let met = mesh.mesh.met(placed, wall - first, x, r, reach)?;
-        Some((model.spheres() + first + met) as u32)
+        Some((model.balls() + first + met) as u32)
     }
 
     /// Point that moments on wall `b` are about, where it is now.
     pub(crate) fn point(&self, model: &Model, b: u32) -> DVec3 {
         match (model.mesh_of(b), self.course(model, b)) {
-            (None, _) => self.now[b as usize - model.spheres()].place(),
+            (None, _) => self.now[b as usize - model.balls()].place(),
             (Some(mesh), Some(course)) => course.by.point(mesh.point),
             (Some(mesh), None) => mesh.point,
         }
@@ -275,11 +289,11 @@ impl Walls {
         let mut work = 0.0;
         for c in contacts
             .iter()
-            .filter(|c| c.is_wall(model) && c.lambda[0] != 0.0)
+            .filter(|c| c.meets_wall(model) && c.lambda[0] != 0.0)
         {
             let i = c.a as usize;
             let (on_ball, normal) = c.impulse();
-            let x = position[i];
+            let x = position[i] - displacement(position, c.b);
             let lever = model.periodic.nearest(x - self.point(model, c.b)) - model.radius[i] * c.n1;
             let on_wall = &mut out[model.wall(c.b).given as usize];
             on_wall[0] -= on_ball.impulse;
@@ -314,11 +328,18 @@ fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
     shape.meet(x, r).unwrap_or(NOWHERE)
 }
 
-/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now.
+/// Where body B of a contact is: its centre, the displacement of a free wall from where it was given, 0 of other walls.
+#[inline(always)]
+pub fn displacement(position: &[DVec3], b: u32) -> DVec3 {
+    position.get(b as usize).copied().unwrap_or(DVec3::ZERO)
+}
+
+/// Gap, normal and curvature of a contact with centres at `xa` and (for spheres, by nearest images) `xb`, walls where they are now; of a free
+/// wall `xb` is its displacement.
 #[inline(always)]
 pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3) -> Proximity {
-    if c.is_wall(model) {
-        walls.meet(model, c.a, c.b, xa)
+    if c.meets_wall(model) {
+        walls.meet(model, c.a, c.b, xa - xb)
     } else {
         let (ra, rb) = (model.radius[c.a as usize], model.radius[c.b as usize]);
         model.periodic.sphere_sphere(xa, ra, xb, rb)
@@ -328,6 +349,6 @@ pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3
 /// The same with the spheres at `position`.
 #[inline(always)]
 pub fn proximity_at(model: &Model, walls: &Walls, c: &Contact, position: &[DVec3]) -> Proximity {
-    let xb = position.get(c.b as usize).copied().unwrap_or(DVec3::ZERO);
+    let xb = displacement(position, c.b);
     proximity(model, walls, c, position[c.a as usize], xb)
 }

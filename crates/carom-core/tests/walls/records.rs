@@ -120,7 +120,7 @@ fn a_motion_that_is_no_number_stops_the_run_with_its_wall() {
     assert_eq!(outcome.failure, Failure::Load);
     assert_eq!((outcome.step, s.state.step), (11, 10));
     // Walls are numbered after the spheres.
-    assert_eq!(outcome.bodies, [s.model.spheres() as u32]);
+    assert_eq!(outcome.bodies, [s.model.bodies() as u32]);
     let message = outcome.message.unwrap_or_default();
     assert!(message.contains("not finite"), "{message}");
 }

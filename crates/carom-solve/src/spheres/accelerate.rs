@@ -16,8 +16,9 @@ use super::carry::Along;
 use super::lanes::{Lanes, Work};
 use super::momentum::Change;
 use super::pass::pass;
-use super::sweeps::Sweeps;
+use super::sweeps::{keep_along, Sweeps};
 use crate::team::{self, lock};
+use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::Mutex;
 
@@ -70,6 +71,7 @@ impl Sweeps {
             threads,
             instructions,
             law,
+            guided,
             ..
         } = self;
         memory.states.resize(states.len(), State::default());
@@ -86,6 +88,11 @@ impl Sweeps {
                 closing: sum.closing.max(number(&part.closing)),
             })
         };
+        let stride = layout.stride;
+        let state = |&(body, along): &(u32, [f64; 3])| {
+            (layout.state[body as usize] as usize, along.into())
+        };
+        let guided: Vec<(usize, DVec3)> = guided.iter().map(state).collect();
         let chunks: Vec<_> = states
             .chunks_mut(layout.stride)
             .zip(memory.states.chunks_mut(layout.stride))
@@ -100,6 +107,9 @@ impl Sweeps {
             let [beta, kept] = factors;
             let Some(index) = task.checked_sub(chunks.len()) else {
                 let (states, last) = &mut *lock(&chunks[task]);
+                for &(state, along) in guided.iter().filter(|g| g.0 / stride == task) {
+                    keep_along(&mut states[state % stride], along);
+                }
                 instructions.run(Follow {
                     states,
                     last,
@@ -136,10 +146,12 @@ impl Sweeps {
             now.squared <= enough.squared && now.closing <= enough.closing
         };
         let count = team::run_until(*threads, count, &stages, work, done);
+        drop((chunks, blocks));
         if count > 0 {
             memory.last = change();
             memory.age = rounds[count].age.load(Relaxed);
         }
+        self.guide();
         count
     }
 }

@@ -3,7 +3,7 @@
 use super::bodies::{ContactLanes, State};
 use super::goal::{Norms, Projection};
 use super::groups::{ContactBlock, Slots, Source};
-use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
+use super::lanes::{head, vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
 use super::pass::push;
@@ -11,6 +11,7 @@ use super::problem::{self, Body, Contact, Place, SpheresError};
 use super::residual;
 use super::rolls::{filled, sign};
 use crate::team::{self, lock};
+use glam::DVec3;
 use std::sync::Mutex;
 
 /// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
@@ -28,6 +29,9 @@ pub struct Sweeps {
     pub(super) memory: Memory,
     /// Discs, but while a companion is swept.
     pub(super) law: Projection,
+    /// Bodies that a guide lets move along one direction alone, and that direction; set before [`Sweeps::renew_from`]. Normals of their contacts are
+    /// along it.
+    pub guided: Vec<(u32, [f64; 3])>,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
     pub instructions: Instructions,
@@ -173,6 +177,16 @@ impl Sweeps {
         self.stages(1, |block, left, right| {
             push(instructions, block, left, right)
         });
+        self.guide();
+    }
+
+    /// Takes off what the contacts have given guided bodies across their directions. Within a sweep that stands in their states: contacts make
+    /// smaller changes by it, and the last ones are 0.
+    pub(super) fn guide(&mut self) {
+        for &(body, along) in &self.guided {
+            let state = &mut self.states[self.layout.state[body as usize] as usize];
+            keep_along(state, along.into());
+        }
     }
 
     /// Norms of eq. 44 at the present impulses. Momentum balance holds by construction (see [`Sweeps::refresh`]), so the residual is that
@@ -307,6 +321,12 @@ impl Sweeps {
             }
         });
     }
+}
+
+/// Leaves of a velocity what is along a direction.
+pub(super) fn keep_along(state: &mut State, along: DVec3) {
+    let kept = head(&state.linear).dot(along) * along;
+    state.linear[..3].copy_from_slice(&kept.to_array());
 }
 
 /// How a problem is cut for the sweeps.

@@ -46,7 +46,7 @@ impl Judge {
                 && strict
                 && still
                 && m.laws.iter().all(|l| l.friction_law.is_none()),
-            spheres: m.spheres(),
+            spheres: m.bodies(),
         }
     }
 

@@ -28,7 +28,7 @@ VALUES = ("residuals", "value")
 STATIC = ("bodies", "planes", "walls", "mesh_points", "mesh_triangles")
 
 #: Columns of static tables that hold text.
-TEXTS = ("name", "shape", "motion")
+TEXTS = ("name", "shape", "motion", "free")
 
 
 class Rows(NamedTuple):
@@ -76,7 +76,7 @@ NEEDED = ("step", "every", "gravity")
 POSITIVE = ("radius", "mass", "inertia")
 
 #: Columns that a file may be without.
-OPTIONAL = {"motion", "joint_impulse", "walls", "present", "part"}
+OPTIONAL = {"motion", "free", "free_walls", "joint_impulse", "walls", "present", "part"}
 
 #: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.
 AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2, "3": 3}
@@ -114,6 +114,10 @@ MEANINGS: dict[str, Meaning] = {
     "frames/joint_impulse": Meaning(
         "N s, N m s",
         "(frame, joint, 6) impulse at the joint and moment on its first body since the last frame, world frame",
+    ),
+    "frames/free_walls": Meaning(
+        "m, m/s",
+        "(frame, free wall, 2) displacement of each free wall along its normal since the start, and its velocity along it",
     ),
     "frames/walls": Meaning(
         "N s, N m s",
@@ -265,6 +269,7 @@ MEANINGS: dict[str, Meaning] = {
     "planes/normal": Meaning("1", "(plane, xyz) unit normal, to the side where bodies live"),
     "planes/material": Meaning("1", "index of the material"),
     "planes/motion": Meaning("1", _MOTION),
+    "planes/free": Meaning("1", "mass, force and weight of free walls, the first ones, as JSON; nothing of others"),
     "walls/name": Meaning("1", "names"),
     "walls/shape": Meaning(
         "1", "rectangle, disc, cylinder, sphere, cone or mesh; what it has not is not a number"

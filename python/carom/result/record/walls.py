@@ -30,6 +30,9 @@ def tables(names: Sequence[str], model: Mapping[str, Any]) -> dict[str, dict[str
     planes = {"name": names[:count], **{k: model[f"plane_{k}"] for k in ("point", "normal", "material")}}
     if any(motion[:count]):
         planes["motion"] = motion[:count]
+    free = [json.dumps(wall) for wall in model.get("free_walls", ())]
+    if free:
+        planes["free"] = [*free, *[""] * (count - len(free))]
     found: dict[str, dict[str, Any]] = {"planes": planes}
     meshes = model.get("meshes", ())
     others = [*model.get("walls", ()), *({"shape": ("mesh",), **mesh} for mesh in meshes)]

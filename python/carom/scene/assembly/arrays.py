@@ -108,7 +108,7 @@ def _mechanics(tree: Scenario, balls: Bodies) -> dict[str, Any] | None:
 
 
 def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) -> dict[str, Any]:
-    """Walls that are no half-spaces, and the motion of all, each only if there are any."""
+    """Walls that are no half-spaces, and how walls move, each only if there are any."""
     shapes, meshes = [], []
     for wall in surfaces[planes:]:
         about = {"point": list(wall.point), "material": materials[wall.material]}
@@ -118,7 +118,8 @@ def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) ->
         else:
             shapes.append({"shape": wall.shape} | about)
     motions = [(k, motion_for_core(wall)) for k, wall in enumerate(surfaces) if wall.motion is not None]
-    found = (("walls", shapes), ("meshes", meshes), ("wall_motion", motions))
+    free = [wall.free.for_core(k) for k, wall in enumerate(surfaces) if wall.free is not None]
+    found = (("walls", shapes), ("meshes", meshes), ("wall_motion", motions), ("free_walls", free))
     return {key: rows for key, rows in found if rows}
 
 

@@ -1,4 +1,5 @@
-"""The walls of a scene in the order of the core: planes without end first, meshes last, in the order of their tables.
+"""The walls of a scene in the order of the core: planes without end first, free ones before all, meshes last, in the order of
+their tables.
 
 Here a wall is one surface with its place at the start; a `[[box]]` is up to six of them. What the core gets, what the
 checks measure and what is recorded all come from this list.
@@ -18,7 +19,7 @@ FLAT = (PLANE, "rectangle", "disc")
 """Kinds of flat walls, whose first parameter is the normal."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Placed(Piece):
     """One surface at the start, with the table that it comes from."""
 
@@ -42,7 +43,10 @@ def placed_walls(entries: Mapping[str, Sequence[tuple[int, Table]]]) -> list[Pla
                 Placed(**vars(piece), section=section, index=i, material=table.material)
                 for piece in table.pieces()
             ]
-    return sorted(found, key=lambda wall: (wall.kind != PLANE, wall.kind == MESH))  # stable
+    def order(wall: Placed) -> tuple[bool, ...]:
+        return wall.free is None, wall.kind != PLANE, wall.kind == MESH
+
+    return sorted(found, key=order)  # stable
 
 
 def motion_for_core(wall: Placed) -> dict[str, Any]:

@@ -249,6 +249,18 @@ def slope_at_start(law: LawValue, h: float) -> tuple[float, float]:
     return fine, abs(fine - coarse) + rounding
 
 
+def times(law: LawValue, factor: float) -> LawValue:
+    """The law with all its values multiplied."""
+    if not isinstance(law, dict):
+        return factor * law
+    ((form, data),) = law.items()
+    if form == "expression":
+        return {form: f"({data})*{factor!r}"}
+    if form == "polynomial":
+        return {form: [factor * c for c in data]}
+    return {form: [[x, factor * y] for x, y in data]}
+
+
 def as_core(law: LawValue) -> tuple[str, Any]:
     """The law as it goes to the core: `("constant", x)`, `("polynomial", [...])`, ..."""
     if not isinstance(law, dict):

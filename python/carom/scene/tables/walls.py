@@ -28,6 +28,7 @@ from carom.scene.tables.fields import (
     inside,
     refuse,
 )
+from carom.scene.tables.free import Free
 from carom.scene.tables.lists import Direction, Lengths, Quaternion, as_list, each
 from carom.scene.tables.motion import Motion
 from carom.scene.tables.quantities import ZEROS, Distance, Length, Name, Position, Vec3, key
@@ -58,6 +59,8 @@ class Piece:
     motion: Motion | None
     pivot: Vec3
     """Point of the axis of rotation where the motion does not name one, m."""
+    free: Free | None = None
+    """How it moves where nothing prescribes it."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +131,20 @@ class Plane(Wall):
         "radius of the hole of a disc, which makes it a ring", "m", default=None, examples=[0.02]
     )
     motion: Motion | None = _MOTION
+    free: Free | None = key(
+        "how it moves freely along its normal, see below; if omitted, it stands or moves as prescribed",
+        default=None,
+        examples=[{"mass": 0.5, "pressure": "1 kPa", "area": 0.01}],
+    )
 
     @model_validator(mode="after")
     def _one_outline(self) -> Self:
+        if self.free is not None and self.motion is not None:
+            raise refuse("both motion and free are given", "give one of them", ("free",))
+        if self.free is not None and (self.size is not None or self.radius is not None):
+            outline = "size" if self.size is not None else "radius"
+            cause = f"a free wall is a plane without end, and {outline} is given"
+            raise refuse(cause, f"leave {outline} out", (outline,))
         if self.size is not None and self.radius is not None:
             cause = "both size (a rectangle) and radius (a disc) are given"
             raise refuse(cause, "give one of them", ("radius",))
@@ -152,7 +166,7 @@ class Plane(Wall):
             shape = ("rectangle", normal, _in_plane(self.side, normal), list(self.size))
         elif self.radius is not None:
             shape = ("disc", normal, self.radius, self.hole or 0.0)
-        return [Piece(self.name, shape, self.point, self.motion, self.point)]
+        return [Piece(self.name, shape, self.point, self.motion, self.point, self.free)]
 
 
 class Cylinder(Wall):

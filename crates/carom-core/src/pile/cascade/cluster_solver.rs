@@ -16,6 +16,8 @@ struct Local {
     a: u32,
     b: u32,
     normal: DVec3,
+    /// Impulses move B along the normal alone.
+    guided: bool,
     friction: f64,
     /// 1/w_N and 1/w_T, kg.
     mass: [f64; 2],
@@ -275,18 +277,19 @@ impl Local {
     #[inline]
     fn new(edge: &Edge, [a, b]: [u32; 2], u: &[Node], slip: DVec3) -> Local {
         let of_a = &u[a as usize];
-        let (mut w_n, mut surface) = (of_a.inv_mass, of_a.inv_surface);
+        let (mut w_n, mut w_t) = (of_a.inv_mass, of_a.inv_mass + of_a.inv_surface);
         if b != WORLD {
             let of_b = &u[b as usize];
             w_n += of_b.inv_mass;
-            surface += of_b.inv_surface;
+            w_t += of_b.inv_surface + if edge.guided { 0.0 } else { of_b.inv_mass };
         }
         Local {
             a,
             b,
             normal: edge.normal,
+            guided: edge.guided,
             friction: edge.friction,
-            mass: [1.0 / w_n, 1.0 / (w_n + surface)],
+            mass: [1.0 / w_n, 1.0 / w_t],
             slip,
             r: DVec3::ZERO,
         }
@@ -308,14 +311,15 @@ impl Local {
     #[inline]
     fn push(&self, u: &mut [Node], d: DVec3) {
         let turn = self.normal.cross(d);
-        let mut push = |node: u32, sign: f64| {
+        let mut push = |node: u32, d: DVec3| {
             let u = &mut u[node as usize];
-            u.linear += sign * u.inv_mass * d;
+            u.linear += u.inv_mass * d;
             u.surface -= u.inv_surface * turn;
         };
-        push(self.a, 1.0);
+        push(self.a, d);
         if self.b != WORLD {
-            push(self.b, -1.0);
+            let along = || d.dot(self.normal) * self.normal;
+            push(self.b, -if self.guided { along() } else { d });
         }
     }
 }

@@ -20,6 +20,8 @@ pub(super) struct Edge {
     pub normal: DVec3,
     pub friction: f64,
     pub law: u32,
+    /// Impulses move B along the normal alone.
+    pub guided: bool,
 }
 
 /// A sphere: a line of memory. Its spin is the surface velocity `s = r w`, so that no contact needs its lever arms.
@@ -103,6 +105,7 @@ impl ContactGraph {
                 normal: m.normal,
                 friction: m.friction,
                 law: m.law,
+                guided: m.guided,
             }
         });
         let edges = &self.edges;

@@ -1,0 +1,64 @@
+"""The key `free` of planes: a wall with a mass that moves along its normal, by what presses it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import model_validator
+
+from carom.scene.tables.base import Table
+from carom.scene.tables.fields import POSITIVE, Flag, Quantity, refuse
+from carom.scene.tables.laws import Law, LawValue, as_core, times
+from carom.scene.tables.quantities import Mass, key
+
+Area = Annotated[float, Quantity("area", POSITIVE)]
+
+
+class Free(Table):
+    """A plane that moves along its normal, pushed by `force` or `pressure` towards the balls, and by them the other way."""
+
+    section: ClassVar[str] = "free"
+
+    mass: Mass = key("mass", "kg", examples=[0.5])
+    force: Annotated[LawValue, Law("t", "force")] | None = key(
+        "force along the normal, towards the balls: a number or a law of the time t; if omitted, none",
+        "N",
+        default=None,
+        examples=[10.0],
+    )
+    pressure: Annotated[LawValue, Law("t", "pressure")] | None = key(
+        "force over `area`, in place of force", "Pa", default=None, examples=["1 kPa"]
+    )
+    area: Area | None = key("area on which the pressure acts", "m^2", default=None, examples=[0.01])
+    velocity: Annotated[float, Quantity("speed")] = key(
+        "velocity along the normal at the start", "m/s", default=0.0
+    )
+    weight: Annotated[bool, Flag()] = key(
+        "false: gravity does not act on the wall, only the force does", default=True
+    )
+
+    @model_validator(mode="after")
+    def _one_force(self) -> Self:
+        if self.force is not None and self.pressure is not None:
+            cause = "both force and pressure are given"
+            raise refuse(cause, "give one of them", ("pressure",))
+        if (self.pressure is None) != (self.area is None):
+            given, missing = ("pressure", "area") if self.area is None else ("area", "pressure")
+            raise refuse(f"{given} is given without {missing}", f"add {missing}", (given,))
+        return self
+
+    def for_core(self, wall: int) -> dict[str, Any]:
+        """What the core takes of wall number `wall`."""
+        law: LawValue = self.force if self.force is not None else 0.0
+        if self.pressure is not None and self.area is not None:
+            law = times(self.pressure, self.area)
+        return {
+            "wall": wall,
+            "mass": self.mass,
+            "velocity": self.velocity,
+            "weighs": self.weight,
+            "force": as_core(law),
+        }
+
+    def label(self) -> str:
+        return "free"
