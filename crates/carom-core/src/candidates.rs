@@ -21,7 +21,12 @@ const PAIRS: usize = 8_192;
 pub(crate) fn list(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     let (list, walls, n) = (&mut scratch.neighbours, &mut scratch.walls, model.balls());
     walls.place_free(model, Some(&state.position[n..]));
-    list.refresh(&state.position[..n], &model.radius[..n], &walls.now, &scratch.need[..n]);
+    list.refresh(
+        &state.position[..n],
+        &model.radius[..n],
+        &walls.now,
+        &scratch.need[..n],
+    );
     walls.place_free(model, None);
     match list.is_truncated() {
         true => Err(Failure::TooManyPairs),
@@ -406,7 +411,11 @@ fn join_overlapping(
     })?;
     let overlapping = |near: &NearPair| {
         let (i, j) = (near.pair.0 as usize, near.pair.1 as usize);
-        let rb = if j < model.balls() { model.radius[j] } else { f64::INFINITY };
+        let rb = if j < model.balls() {
+            model.radius[j]
+        } else {
+            f64::INFINITY
+        };
         near.gap < -model.options.gap_tolerance * model.radius[i].min(rb)
     };
     let mut joining: Vec<NearPair> = found.into_iter().flatten().collect();

@@ -231,7 +231,9 @@ impl Contact {
             count += 1;
         }
         if self.is_guided(model) {
-            rows[1..count].iter_mut().for_each(|row| row[1] = [0.0; NODE_DOF]);
+            rows[1..count]
+                .iter_mut()
+                .for_each(|row| row[1] = [0.0; NODE_DOF]);
         }
         count
     }

@@ -219,7 +219,10 @@ impl Recorder {
 
     /// Closes a frame: state and the contacts since the last one.
     pub fn add_frame(&mut self, state: &State, time: f64) {
-        let (b, n) = (&mut self.block, state.position.len() - self.free_walls.len());
+        let (b, n) = (
+            &mut self.block,
+            state.position.len() - self.free_walls.len(),
+        );
         b.frame_step.push(state.step);
         b.frame_time.push(time);
         if self.flows {

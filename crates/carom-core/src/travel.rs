@@ -68,7 +68,10 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
     if j >= model.balls() {
         // Against a free wall where it was given.
         let from = displacement(&state.position, b);
-        let by = scratch.linear.get(j).map_or(DVec3::ZERO, |p| p.displacement);
+        let by = scratch
+            .linear
+            .get(j)
+            .map_or(DVec3::ZERO, |p| p.displacement);
         return met_wall(model, &scratch.walls, (a, b), x - from, d - by);
     }
     let from = model.periodic.nearest(x - state.position[j]);

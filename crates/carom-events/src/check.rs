@@ -23,6 +23,7 @@ pub fn check(model: &Model) -> Result<(), ModelError> {
         (shapes().any(|s| matches!(s, Shape::Cone(_))), "cones"),
         (!model.meshes.is_empty(), "meshes"),
         (model.cohesive_reach() > 0.0, "cohesion"),
+        (!model.free_walls.is_empty(), "free walls"),
         (
             has_varying_friction(model),
             "friction on a level wall that depends on the slip",
@@ -41,7 +42,7 @@ pub fn check(model: &Model) -> Result<(), ModelError> {
 
 /// Balls that slide on such a wall do not slow down evenly.
 fn has_varying_friction(model: &Model) -> bool {
-    let n = model.bodies();
+    let n = model.balls();
     let varies = |i: usize, w: usize| {
         let law = model.law_of(i, n + w);
         law.is_some_and(|law| model.laws[law as usize].friction_law.is_some())

@@ -42,6 +42,7 @@ fn check(model: &Model) -> Result<(), ModelError> {
         (!model.joints.is_empty(), "joints"),
         (!model.meshes.is_empty(), "meshes"),
         (model.cohesive_reach() > 0.0, "cohesion"),
+        (!model.free_walls.is_empty(), "free walls"),
     ] {
         if there {
             let text = format!("penalty knows no {what}; choose nsga, or leave the {what} out");

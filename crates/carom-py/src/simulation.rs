@@ -73,7 +73,12 @@ impl Simulation {
             let along = walls.flat_map(|(i, wall)| {
                 [state.position[i], state.velocity[i]].map(|v| v.dot(wall.normal))
             });
-            put::<f64>(&out, "free_walls", along.collect(), &[model.free_walls.len(), 2])?;
+            put::<f64>(
+                &out,
+                "free_walls",
+                along.collect(),
+                &[model.free_walls.len(), 2],
+            )?;
         }
         Ok(out)
     }

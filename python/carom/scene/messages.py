@@ -15,7 +15,7 @@ from carom.scene.toml.lines import LineMap, Path
 from carom.scene.toml.literal import literal
 
 ALTERNATIVES = (("mass", "density"), ("balls", "rows"))
-NESTED = (("motion",), ("region",))
+NESTED = (("motion",), ("free",), ("region",))
 """Keys whose values are tables with keys worth naming in a message."""
 
 

@@ -5,7 +5,7 @@ use crate::force::{Dependence, Load};
 use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
-use crate::options::{Method, Options};
+use crate::options::Options;
 use crate::outcome::{entry, finite, positive, ModelError};
 use crate::wall::{self, checked, FreeWall, MeshWall, Press, Shape, Wall};
 use carom_solve::Bounds;
@@ -40,7 +40,7 @@ impl Model {
         }
         finite("world", 0, "gravity", &input.gravity)?;
         let (mut walls, meshes) = compile_walls(input)?;
-        let free = compile_free_walls(input, &options, &mut walls)?;
+        let free = compile_free_walls(input, &mut walls)?;
         let periodic = super::periodic::compile(input, &walls)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
@@ -120,21 +120,15 @@ impl Bodies {
 }
 
 /// Free walls, which are marked as such.
-fn compile_free_walls(
-    input: &ModelInput,
-    options: &Options,
-    walls: &mut [Wall],
-) -> Result<Vec<FreeWall>, ModelError> {
-    if !input.free_walls.is_empty() && matches!(options.method, Method::Penalty | Method::Events) {
-        let text = "moves with methods nsga and moreau alone".to_owned();
-        return Err(entry("free wall", 0, "method", text));
-    }
+fn compile_free_walls(input: &ModelInput, walls: &mut [Wall]) -> Result<Vec<FreeWall>, ModelError> {
     let gravity = DVec3::from(input.gravity);
     let mut free = Vec::with_capacity(input.free_walls.len());
     for (index, given) in input.free_walls.iter().enumerate() {
         let of_wall = |(quantity, text)| entry("free wall", index, quantity, text);
         positive("free wall", index, "mass", given.mass)?;
-        let wall = walls.get_mut(index).filter(|_| given.wall as usize == index);
+        let wall = walls
+            .get_mut(index)
+            .filter(|_| given.wall as usize == index);
         let Some(wall) = wall else {
             let text = format!("is {}; free walls are the first ones, in order", given.wall);
             return Err(of_wall(("wall", text)));
@@ -146,10 +140,7 @@ fn compile_free_walls(
 }
 
 /// The loads of the scene, and those on free walls.
-fn compile_loads(
-    input: &ModelInput,
-    free: &[FreeWall],
-) -> Result<Vec<Arc<dyn Load>>, ModelError> {
+fn compile_loads(input: &ModelInput, free: &[FreeWall]) -> Result<Vec<Arc<dyn Load>>, ModelError> {
     let mut loads = input.loads.clone();
     let n = input.radius.len();
     for (index, (wall, given)) in free.iter().zip(&input.free_walls).enumerate() {
@@ -169,10 +160,7 @@ fn compile_loads(
 }
 
 /// Checks joints and loads and lists what they join.
-fn compile_links(
-    input: &ModelInput,
-    loads: &[Arc<dyn Load>],
-) -> Result<Vec<Link>, ModelError> {
+fn compile_links(input: &ModelInput, loads: &[Arc<dyn Load>]) -> Result<Vec<Link>, ModelError> {
     let n = input.radius.len();
     let mut links = Vec::new();
     let missing = |kind, index, body: u32| {

@@ -105,7 +105,8 @@ impl Pile {
         };
         self.guided.clear();
         if !model.free_walls.is_empty() {
-            self.guided.extend((0..).zip(&self.spheres).filter_map(guide));
+            self.guided
+                .extend((0..).zip(&self.spheres).filter_map(guide));
         }
         let spheres = &self.spheres;
         chunks::refill(threads, &mut self.bodies, spheres.len(), |k| {

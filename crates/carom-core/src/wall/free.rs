@@ -54,7 +54,11 @@ impl FreeWall {
             return Err(("velocity", text));
         }
         checked(&wall.shape)?;
-        let along = if input.weighs { gravity.dot(normal) } else { 0.0 };
+        let along = if input.weighs {
+            gravity.dot(normal)
+        } else {
+            0.0
+        };
         Ok(FreeWall {
             normal,
             gravity: along * normal,
@@ -71,6 +75,13 @@ pub struct Press {
     pub force: Scalar,
 }
 
+impl Press {
+    /// Displacement of the wall along its normal, m.
+    fn along(&self, at: &Motion) -> f64 {
+        self.normal.dot(at.position[self.body as usize])
+    }
+}
+
 impl Load for Press {
     fn dependence(&self) -> Dependence {
         Dependence::Time
@@ -81,7 +92,8 @@ impl Load for Press {
     }
 
     fn check(&self) -> Result<(), (&'static str, String)> {
-        self.force.check_at_start().map_err(|text| ("force", text))
+        let law = &self.force;
+        law.check_slope_at_start().map_err(|text| ("force", text))
     }
 
     fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
@@ -94,7 +106,12 @@ impl Load for Press {
         Ok(())
     }
 
+    /// `-F(t) s`: where impacts change the velocity within a step, places tell the work of the force and velocities do not.
+    fn potential(&self, at: &Motion) -> f64 {
+        -self.force.value(at.time) * self.along(at)
+    }
+
     fn power(&self, at: &Motion) -> f64 {
-        self.force.value(at.time) * self.normal.dot(at.velocity[self.body as usize])
+        -self.force.slope(at.time) * self.along(at)
     }
 }

@@ -89,9 +89,8 @@ impl Sweeps {
             })
         };
         let stride = layout.stride;
-        let state = |&(body, along): &(u32, [f64; 3])| {
-            (layout.state[body as usize] as usize, along.into())
-        };
+        let state =
+            |&(body, along): &(u32, [f64; 3])| (layout.state[body as usize] as usize, along.into());
         let guided: Vec<(usize, DVec3)> = guided.iter().map(state).collect();
         let chunks: Vec<_> = states
             .chunks_mut(layout.stride)

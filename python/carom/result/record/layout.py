@@ -269,7 +269,9 @@ MEANINGS: dict[str, Meaning] = {
     "planes/normal": Meaning("1", "(plane, xyz) unit normal, to the side where bodies live"),
     "planes/material": Meaning("1", "index of the material"),
     "planes/motion": Meaning("1", _MOTION),
-    "planes/free": Meaning("1", "mass, force and weight of free walls, the first ones, as JSON; nothing of others"),
+    "planes/free": Meaning(
+        "1", "mass, force and weight of free walls, the first ones, as JSON; nothing of others"
+    ),
     "walls/name": Meaning("1", "names"),
     "walls/shape": Meaning(
         "1", "rectangle, disc, cylinder, sphere, cone or mesh; what it has not is not a number"

@@ -1,5 +1,5 @@
-"""The walls of a scene in the order of the core: planes without end first, free ones before all, meshes last, in the order of
-their tables.
+"""The walls of a scene in the order of the core: free planes first, then planes without end, meshes last, each in the order
+of their tables.
 
 Here a wall is one surface with its place at the start; a `[[box]]` is up to six of them. What the core gets, what the
 checks measure and what is recorded all come from this list.
@@ -43,6 +43,7 @@ def placed_walls(entries: Mapping[str, Sequence[tuple[int, Table]]]) -> list[Pla
                 Placed(**vars(piece), section=section, index=i, material=table.material)
                 for piece in table.pieces()
             ]
+
     def order(wall: Placed) -> tuple[bool, ...]:
         return wall.free is None, wall.kind != PLANE, wall.kind == MESH
 

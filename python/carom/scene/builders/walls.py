@@ -10,6 +10,7 @@ from carom.errors import quoted
 from carom.scene.arguments import explained
 from carom.scene.builders.balls import Builder, Number, Vector, make
 from carom.scene.tables.flow import Inflow, Outlet
+from carom.scene.tables.free import Free
 from carom.scene.tables.motion import Motion
 from carom.scene.tables.walls import BallWall, Box, Cone, Cylinder, Mesh, Plane, Wall
 
@@ -17,6 +18,10 @@ MotionLike = Motion | Mapping[str, Any]
 """`{"translation": [law, law, law], "rotation": {"axis", "point", "angle" or "rate"}, "surface_velocity": [x, y, z],
 "surface_rotation": {"axis", "point", "rate"}}`, any of them; a law of the time is a number or, for example,
 `{"expression": "0.1*sin(t)"}`.
+"""
+FreeLike = Free | Mapping[str, Any]
+"""`{"mass": kg, "force": N}` or `{"mass": kg, "pressure": Pa, "area": m^2}`, both numbers or laws of the time `t`;
+`"velocity"` m/s at the start, `"weight": False` for a wall without weight.
 """
 _W = TypeVar("_W", bound=Wall)
 
@@ -37,11 +42,15 @@ class Waller(Builder):
         radius: Number | None = None,
         hole: Number | None = None,
         motion: MotionLike | None = None,
+        free: FreeLike | None = None,
     ) -> Plane:
         """Add a half-space through `point`; `normal` (any length) points to the side where spheres live.
 
         With `size` (two lengths, m) it is a rectangle around `point`, the first length along `side` (by default x); with
         `radius` m it is a disc, with `hole` m a ring. Both are sheets with two faces.
+
+        With `free` it has a mass and moves along its normal, by its weight, by a force or a pressure, and by the balls that
+        press it: `result.walls[name].position` and `velocity` say where it went.
         """
         return self._wall(Plane, {k: v for k, v in locals().items() if k != "self"})
 

@@ -28,6 +28,7 @@ from carom.scene.tables.fields import (
     refuse,
 )
 from carom.scene.tables.flow import Inflow, Outlet, Region
+from carom.scene.tables.free import Free
 from carom.scene.tables.joints import Joint
 from carom.scene.tables.laws import Law, LawValue
 from carom.scene.tables.lists import Lengths, Vector
@@ -209,6 +210,7 @@ REPEATED: dict[str, type[Table]] = {
 
 NESTED: dict[str, type[Table]] = {
     "motion": Motion,
+    "free": Free,
     "rotation": Rotation,
     "surface_rotation": SurfaceRotation,
     "region": Region,

@@ -1,0 +1,188 @@
+"""Free walls: planes with a mass that what presses them moves along their normals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import carom
+from carom.errors import CaromError, ScenarioError
+
+G = 9.81
+RADIUS, MASS = 0.01, 0.02
+
+
+def one_ball(*, e: float = 0.0, mu: float = 0.0, gravity: float = G, floor: bool = True, **free) -> carom.Scene:
+    """A ball on a floor, and a lid above it."""
+    scene = carom.Scene()
+    scene.world.gravity = (0.0, 0.0, -gravity)
+    scene.material("steel")
+    scene.contact("steel", "steel", friction=mu, restitution=e)
+    if floor:
+        scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="steel")
+    scene.plane("lid", point=(0, 0, 0.03), normal=(0, 0, -1), material="steel", free=free)
+    return scene
+
+
+def pressed(count: int = 60, *, mu: float = 0.3, e: float = 0.2, room: float = 1.3, **free) -> carom.Scene:
+    """Grains in a box without a top, below a lid; without gravity."""
+    scene = carom.Scene()
+    scene.world.gravity = (0.0, 0.0, 0.0)
+    scene.material("glass")
+    scene.contact("glass", "glass", friction=mu, restitution=e)
+    side = 5.0 * 2.0 * RADIUS * 0.8
+    high = side * count / 60 * room
+    scene.box("box", low=(0, 0, 0), high=(side, side, high), open=["high_z"], material="glass")
+    free = {"mass": 0.1, "force": 20.0} | free
+    scene.plane("lid", point=(0, 0, high), normal=(0, 0, -1), material="glass", free=free)
+    scene.packing("grain", material="glass", density=2500, seed=3, count=count, diameter=2 * RADIUS,
+                  low=(0, 0, 0), high=(side, side, high))  # fmt: skip
+    return scene
+
+
+def test_a_lid_presses_with_its_force_and_its_weight() -> None:
+    for weight in (True, False):
+        scene = one_ball(mass=0.2, force=5.0, weight=weight)
+        scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+        result = carom.simulate(scene, step=1e-3, until=0.2, every=1)
+        lid = result.walls["lid"]
+        force = 5.0 + (0.2 * G if weight else 0.0)
+        assert lid.force[-20:, 2] == pytest.approx(force, rel=1e-9)
+        assert result.walls["floor"].force[-20:, 2] == pytest.approx(-force - MASS * G, rel=1e-9)
+        assert lid.position[-1] == pytest.approx([0, 0, 2 * RADIUS], abs=1e-12)
+        assert lid.is_free and not result.walls["floor"].is_free
+        assert abs(lid.velocity[-20:]).max() < 1e-12
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_a_ball_and_a_wall_collide_as_two_bodies(method: str, e: float) -> None:
+    mass, speed = 0.05, 2.0
+    scene = one_ball(e=e, gravity=0.0, floor=False, mass=mass, velocity=0.5)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, 0), velocity=(0.3, 0, speed),
+                 angular_velocity=(1.0, 2.0, 3.0), material="steel")  # fmt: skip
+    result = carom.simulate(scene, step=1e-4, until=0.05, every=1, method=method)
+    # The lid moves down at 0.5 m/s.
+    common = (MASS * speed - mass * 0.5) / (MASS + mass)
+    ball, lid = result.velocity[-1, 0], -result.walls["lid"].velocity[-1]
+    assert ball[2] == pytest.approx(common - e * mass / (MASS + mass) * (speed + 0.5), rel=1e-12)
+    assert lid == pytest.approx(common + e * MASS / (MASS + mass) * (speed + 0.5), rel=1e-12)
+    assert ball[0] == pytest.approx(0.3, rel=1e-12)
+    energy = np.asarray(result.steps["energy_kinetic"])
+    lost = 0.5 * MASS * mass / (MASS + mass) * (1 - e * e) * (speed + 0.5) ** 2
+    assert energy[0] - energy[-1] == pytest.approx(lost, abs=1e-12)
+
+
+def test_friction_does_not_move_a_wall_sideways() -> None:
+    """A ball that slides on a wall loses momentum to the guide, and the wall gets what is normal."""
+    scene = one_ball(mu=0.4, gravity=0.0, floor=False, mass=0.05)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, 0), velocity=(3.0, 0, 2.0), material="steel")
+    result = carom.simulate(scene, step=1e-4, until=0.05, every=1)
+    ball, lid = result.velocity[-1, 0], result.walls["lid"]
+    normal = MASS * (2.0 - ball[2])
+    assert normal == pytest.approx(-0.05 * lid.velocity[-1], rel=1e-12)
+    assert MASS * (3.0 - ball[0]) == pytest.approx(0.4 * normal, rel=1e-9)
+    assert lid.position[:, :2] == pytest.approx(0.0, abs=0.0)
+
+
+def test_a_wall_alone_follows_its_force() -> None:
+    scene = one_ball(gravity=0.0, floor=False, mass=2.0, force={"expression": "4*t"}, velocity=0.1)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, -5.0), material="steel")
+    result = carom.simulate(scene, step=1e-3, until=0.5, every=100)
+    t, lid = np.asarray(result.time), result.walls["lid"]
+    assert lid.velocity == pytest.approx(0.1 + t * t, abs=2e-3)
+    assert 0.03 - lid.position[:, 2] == pytest.approx(0.1 * t + t**3 / 3, abs=1e-3)
+    # The force has the potential -F s; what its law changes of that is work.
+    steps = result.steps
+    energy = np.asarray(steps["energy_kinetic"]) + np.asarray(steps["energy_potential"])
+    gained = energy - np.cumsum(steps["energy_work"])
+    assert np.ptp(energy) > 0.05
+    assert gained == pytest.approx(0.5 * 2.0 * 0.01, abs=1e-6)
+
+
+def test_a_lid_holds_its_pressure_on_grains() -> None:
+    result = carom.simulate(pressed(), step=2e-4, until=0.2, every=50, impact="one-shot")
+    lid, floor = result.walls["lid"], result.walls["box.low_z"]
+    late = slice(-10, None)
+    assert lid.force[late, 2] == pytest.approx(20.0, rel=0.01)
+    assert 8.0 < -floor.force[-1, 2] < 20.0  # friction of the sides takes a part
+    assert result.summary["energy"]["max_rise_relative"] < 1e-12
+    assert result.summary["unconverged"] == 0
+
+
+def test_sweeps_and_newtons_method_agree() -> None:
+    """Both forms of a contact problem have the guide, with friction, rolling and several contacts of the wall."""
+    found = []
+    for pile_contacts in (10, 10_000):
+        scene = pressed(30, mu=0.5, e=0.0, room=1.8)
+        options = {"tolerance": 1e-12, "pile_tolerance": 1e-12, "pile_contacts": pile_contacts}
+        result = carom.simulate(scene, step=2e-4, until=0.04, every=10, impact="one-shot", **options)
+        found.append((result.walls["lid"].position[:, 2], np.asarray(result.position)))
+        assert max(result.steps["contacts"]) > 20
+    (lid, balls), (again, same) = found
+    assert np.ptp(lid) > 1e-3
+    # They part as all that collides does.
+    assert lid[:4] == pytest.approx(again[:4], abs=1e-9)
+    assert lid == pytest.approx(again, abs=2e-6)
+    assert balls == pytest.approx(same, abs=2e-5)
+
+
+def test_resumed_and_on_threads_it_is_the_same_to_the_last_bit(tmp_path: Path) -> None:
+    scene = pressed(30)
+    options = {"step": 2e-4, "every": 10, "impact": "one-shot"}
+    whole = carom.simulate(scene, until=0.1, out=tmp_path / "whole", **options)
+    threads = carom.simulate(scene, until=0.1, threads=2, **options)
+    stop = carom.simulate(scene, until=0.1, out=tmp_path / "cut", stop=lambda s: s.time > 0.05, **options)
+    assert stop.status != "done"
+    resumed = carom.resume(tmp_path / "cut")
+    for other in (threads, resumed):
+        assert np.array_equal(whole.walls["lid"].position, other.walls["lid"].position)
+        assert np.array_equal(np.asarray(whole.position), np.asarray(other.position))
+
+
+def test_a_turned_scene_moves_as_the_turned_motion() -> None:
+    """The lid above, or on a side: the same motion along other axes."""
+    along = []
+    for axis in (2, 0):
+        up = np.eye(3)[axis]
+        scene = carom.Scene()
+        scene.world.gravity = tuple(-G * up)
+        scene.material("steel")
+        scene.contact("steel", "steel", friction=0.3, restitution=0.4)
+        scene.plane("lid", point=tuple(0.05 * up), normal=tuple(-up), material="steel", free={"mass": 0.1, "force": 2.0})
+        scene.plane("floor", point=(0, 0, 0), normal=tuple(up), material="steel")
+        scene.sphere("ball", radius=RADIUS, mass=MASS, position=tuple(0.011 * up), material="steel")
+        result = carom.simulate(scene, step=1e-4, until=0.2, every=100)
+        along.append(result.walls["lid"].position @ up)
+    assert along[0] == pytest.approx(along[1], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("free", "text"),
+    [
+        ({}, "mass"),
+        ({"mass": 0.0}, "mass"),
+        ({"mass": 1.0, "force": 1.0, "pressure": 2.0, "area": 1.0}, "both force and pressure"),
+        ({"mass": 1.0, "pressure": 2.0}, "pressure is given without area"),
+        ({"mass": 1.0, "area": 2.0}, "area is given without pressure"),
+        ({"mass": 1.0, "forze": 2.0}, "unknown key"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named(free: dict[str, float], text: str) -> None:
+    with pytest.raises(ScenarioError, match=text):
+        one_ball(**free)
+
+
+def test_what_cannot_be_free_is_refused() -> None:
+    scene = one_ball(mass=1.0)
+    with pytest.raises(ScenarioError, match="size is given"):
+        scene.plane("piece", point=(0, 0, 1), normal=(0, 0, 1), material="steel", size=(1, 1), free={"mass": 1.0})
+    with pytest.raises(ScenarioError, match="both motion and free"):
+        scene.plane("both", point=(0, 0, 1), normal=(0, 0, 1), material="steel", free={"mass": 1.0},
+                    motion={"until": 1.0})  # fmt: skip
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+    for method in ("penalty", "events"):
+        with pytest.raises(CaromError, match="free walls"):
+            carom.simulate(scene, step=1e-3, until=0.01, method=method)
