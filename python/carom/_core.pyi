@@ -141,7 +141,7 @@ class Simulation:
       "b", "arm_a", "arm_b", "stiffness", "damping", "rest_length"}`; `{"kind": "drag", "body", "translation", "rotation"}`;
       `{"kind": "callable", "function": f}`, `f(time, position, velocity, angular_velocity)` giving a float64 array (N,6)
 
-    Walls are bodies N.., planes first, then those of the list `walls` (may be left out): `{"shape": tuple, "point": (3,),
+    Walls are bodies N.., free planes first, the other planes, then those of the list `walls` (may be left out): `{"shape": tuple, "point": (3,),
     "material": int}` with the shapes
 
     - `("rectangle", normal, side, [a, b])`: centre at the point, full lengths along `side` and across it
@@ -163,12 +163,16 @@ class Simulation:
       surface that stays; both turn with the wall
     - `"until"`, s: when the wall is taken away; without the key it stays
 
+    `free_walls` is a list of `{"wall": int, "mass": kg, "velocity": m/s, "weighs": bool, "force": law}`: the first planes, which
+    move along their normals, with the force of the law along them. Their state stands behind that of the balls in `state()`;
+    frames have `free_walls (F, walls, 2)`, displacement and velocity along the normal.
+
     A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `inflow`: list of `{"bodies": (first,
     count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),
     "spread": m/s per component, "seed": int}`, whose balls are absent until they enter. `outlet`: list of
     `(low, high, inside)`.
 
-    Impulses on walls are recorded if any wall has a motion, or with `"record_walls": True`. With
+    Impulses on walls are recorded if any wall has a motion or is free, or with `"record_walls": True`. With
     `"drop_impacts": True` the table of impacts stays empty, with `"every_impact": True` piles have a row in it for each
     impact problem and contact, not for each step and contact alone. With `"courses": True` blocks have a table
     `impulses`: how the impulse of each contact grows within an impact.

@@ -58,6 +58,10 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         scratch.attraction = cohesion::potential(model, state, scratch, &scratch.position)?;
         potential += scratch.attraction;
     }
+    for (wall, i) in model.free_walls.iter().zip(model.balls()..) {
+        let way = [state.position[i], scratch.position[i]];
+        report.energy_work += wall.work(span, way);
+    }
     write(model, state, scratch);
     if !model.is_free() {
         let at = motion_of(state, span.end);

@@ -8,8 +8,8 @@ use crate::candidates::{list, meet, relist, start_over};
 use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::finish::finish;
-use crate::force::evaluated;
 use crate::force::total::{motion_of, power};
+use crate::force::{evaluated, LoadError};
 use crate::level::{smooth, Demand, Task};
 use crate::loads_once;
 use crate::model::Model;
@@ -68,7 +68,20 @@ pub(crate) fn predict_and_smooth(on: &mut Step) -> Result<(), Failure> {
     }
     scratch.wall_impulse.fill([DVec3::ZERO; 2]);
     evaluated(scratch.walls.begin(model, span), &mut scratch.load_error)?;
+    evaluated(check_forces(model, span), &mut scratch.load_error)?;
     smooth::solve(on)
+}
+
+/// Refuses forces on free walls that are no numbers.
+fn check_forces(model: &Model, span: Span) -> Result<(), LoadError> {
+    for (wall, body) in model.free_walls.iter().zip(model.balls()..) {
+        let force = wall.force(span.end);
+        if !force.is_finite() {
+            let text = format!("force {force} N at t = {} s", span.end);
+            return Err(LoadError::on(body as u32, text));
+        }
+    }
+    Ok(())
 }
 
 /// Pairs that may come within the candidate margin during the step. The largest way of a sphere in its smooth motion, m.

@@ -115,7 +115,7 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         rupture_distance: given(dict, "rupture_distance")?,
         restitution_law: coupling::contact_laws(dict, "restitution_law")?,
         joints: coupling::joints(dict, &radius)?,
-        loads: coupling::loads(dict)?,
+        loads: coupling::loads(dict, radius.len())?,
         radius,
     })
 }

@@ -105,14 +105,15 @@ fn joint(dict: &Bound<'_, PyDict>, radius: &[f64]) -> PyResult<Joint> {
     })
 }
 
-pub fn loads(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Arc<dyn Load>>> {
+/// Loads of a model of so many balls.
+pub fn loads(dict: &Bound<'_, PyDict>, balls: usize) -> PyResult<Vec<Arc<dyn Load>>> {
     list(dict, "loads")?
         .iter()
-        .map(|value| load(value.cast::<PyDict>()?))
+        .map(|value| load(value.cast::<PyDict>()?, balls))
         .collect()
 }
 
-fn load(dict: &Bound<'_, PyDict>) -> PyResult<Arc<dyn Load>> {
+fn load(dict: &Bound<'_, PyDict>, balls: usize) -> PyResult<Arc<dyn Load>> {
     let number = |name: &str| -> PyResult<f64> { item(dict, name)?.extract() };
     let kind: String = item(dict, "kind")?.extract()?;
     Ok(match kind.as_str() {
@@ -137,6 +138,7 @@ fn load(dict: &Bound<'_, PyDict>) -> PyResult<Arc<dyn Load>> {
         }),
         "callable" => Arc::new(Callable {
             function: item(dict, "function")?.unbind(),
+            balls,
         }),
         other => return Err(refuse(format!("a load of kind {other} is not known"))),
     })
@@ -146,14 +148,15 @@ fn load(dict: &Bound<'_, PyDict>) -> PyResult<Arc<dyn Load>> {
 #[derive(Debug)]
 struct Callable {
     function: Py<PyAny>,
+    balls: usize,
 }
 
 impl Callable {
     fn wrench(&self, at: &Motion) -> Result<Vec<[f64; 6]>, LoadError> {
-        let n = at.position.len();
+        let n = self.balls;
         Python::attach(|py| -> PyResult<Vec<[f64; 6]>> {
             let array = |v: &[DVec3]| {
-                let flat: Vec<f64> = v.iter().flat_map(|x| x.to_array()).collect();
+                let flat: Vec<f64> = v[..n].iter().flat_map(|x| x.to_array()).collect();
                 PyArray1::from_vec(py, flat).reshape([n, 3])
             };
             let arguments = (

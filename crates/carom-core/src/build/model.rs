@@ -1,13 +1,13 @@
 //! A model from its description: every number is checked, and every refusal names the entry.
 
 use super::{flow, ModelInput};
-use crate::force::{Dependence, Load};
+use crate::force::Dependence;
 use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
 use crate::options::Options;
 use crate::outcome::{entry, finite, positive, ModelError};
-use crate::wall::{self, checked, FreeWall, MeshWall, Press, Shape, Wall};
+use crate::wall::{self, checked, FreeWall, MeshWall, Shape, Wall};
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -44,8 +44,7 @@ impl Model {
         let periodic = super::periodic::compile(input, &walls)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
-        let loads = compile_loads(input, &free)?;
-        let links = compile_links(input, &loads)?;
+        let links = compile_links(input)?;
         let bodies = Bodies::new(input, &free);
         let model = Model {
             gravity: DVec3::from(input.gravity),
@@ -71,7 +70,7 @@ impl Model {
             materials,
             joints: input.joints.clone(),
             held_apart: HeldApart::new(&input.joints, &input.radius),
-            loads,
+            loads: input.loads.clone(),
             links,
             options,
         };
@@ -139,28 +138,8 @@ fn compile_free_walls(input: &ModelInput, walls: &mut [Wall]) -> Result<Vec<Free
     Ok(free)
 }
 
-/// The loads of the scene, and those on free walls.
-fn compile_loads(input: &ModelInput, free: &[FreeWall]) -> Result<Vec<Arc<dyn Load>>, ModelError> {
-    let mut loads = input.loads.clone();
-    let n = input.radius.len();
-    for (index, (wall, given)) in free.iter().zip(&input.free_walls).enumerate() {
-        let press = Press {
-            body: (n + index) as u32,
-            normal: wall.normal,
-            force: given.force.clone(),
-        };
-        press
-            .check()
-            .map_err(|(quantity, text)| entry("free wall", index, quantity, text))?;
-        if press.force.value(0.0) != 0.0 || !press.force.is_constant() {
-            loads.push(Arc::new(press));
-        }
-    }
-    Ok(loads)
-}
-
 /// Checks joints and loads and lists what they join.
-fn compile_links(input: &ModelInput, loads: &[Arc<dyn Load>]) -> Result<Vec<Link>, ModelError> {
+fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
     let n = input.radius.len();
     let mut links = Vec::new();
     let missing = |kind, index, body: u32| {
@@ -206,10 +185,9 @@ fn compile_links(input: &ModelInput, loads: &[Arc<dyn Load>]) -> Result<Vec<Link
             kind: LinkKind::Joint(index as u32),
         });
     }
-    let bodies = n + input.free_walls.len();
-    for (index, load) in loads.iter().enumerate() {
-        let named = load.bodies().into_iter().flatten();
-        if let Some(body) = named.into_iter().find(|&b| b as usize >= bodies) {
+    for (index, load) in input.loads.iter().enumerate() {
+        let bodies = load.bodies();
+        if let Some(body) = bodies.into_iter().flatten().find(|&b| b as usize >= n) {
             return Err(missing("load", index, body));
         }
         load.check()

@@ -11,8 +11,8 @@ use glam::{DQuat, DVec3};
 impl State {
     /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
     pub fn new(model: &Model, initial: InitialState) -> State {
-        let gravity = |i| [model.gravity_of(i), DVec3::ZERO];
-        let start: Vec<_> = (0..model.bodies()).map(gravity).collect();
+        let begin = |i| [model.own_acceleration(i, 0.0), DVec3::ZERO];
+        let start: Vec<_> = (0..model.bodies()).map(begin).collect();
         let mut state = State {
             step: 0,
             position: initial.position,

@@ -37,6 +37,15 @@ pub fn weight(model: &Model, i: usize) -> DVec3 {
     model.mass[i] * model.gravity_of(i)
 }
 
+/// Weight of body `i`, and the given force if it is a free wall, at a time, N.
+#[inline]
+pub fn own_force(model: &Model, i: usize, time: f64) -> DVec3 {
+    match model.free_wall(i) {
+        Some(wall) => weight(model, i) + wall.force(time),
+        None => weight(model, i),
+    }
+}
+
 /// Potential energy of the weight of body `i` at `x`, J, with its zero at the origin (of a free wall: where it was given).
 #[inline]
 pub fn weight_potential(model: &Model, i: usize, x: DVec3) -> f64 {

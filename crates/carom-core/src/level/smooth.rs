@@ -5,14 +5,12 @@
 
 use super::smooth_newton::{place, Weights};
 use crate::force::evaluated;
-use crate::force::total::weight;
-use crate::model::Model;
+use crate::force::total::own_force;
 use crate::outcome::{BlowUp, Failure, Level};
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::method::Step;
-use crate::stepper::Coefficients;
 use carom_solve::team;
 
 pub use super::smooth_newton::SmoothScratch;
@@ -23,7 +21,7 @@ const TOLERANCE: f64 = 1e-10;
 
 /// Predicts every sphere and solves for the smooth accelerations and reactions of joints.
 pub fn solve(on: &mut Step) -> Result<(), Failure> {
-    predict(on.model, on.state, on.scratch, on.coefficients);
+    predict(on);
     on.report.iterations_smooth = 1;
     if !on.model.is_free() {
         iterate(on)?;
@@ -34,8 +32,10 @@ pub fn solve(on: &mut Step) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The motion under the weight alone.
-fn predict(model: &Model, state: &State, scratch: &mut Scratch, coefficients: &Coefficients) {
+/// The motion under the weight, and of free walls under their forces, alone.
+fn predict(on: &mut Step) {
+    let (model, state, coefficients, end) = (on.model, &*on.state, on.coefficients, on.span.end);
+    let scratch = &mut *on.scratch;
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
     let (threads, n) = (model.options.threads as usize, model.bodies());
     let out = (
@@ -47,7 +47,7 @@ fn predict(model: &Model, state: &State, scratch: &mut Scratch, coefficients: &C
         for (k, i) in (first..first + linear.len()).enumerate() {
             let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
             let mut p = coefficients.predict(state.velocity[i], a, acc);
-            let f = weight(model, i);
+            let f = own_force(model, i, end);
             coefficients.correct(&mut p, per_velocity * model.inv_mass[i] * f);
             position[k] = state.position[i] + p.displacement;
             linear[k] = p;

@@ -5,7 +5,7 @@
 //! factorable (rule R10); it is in the matrix only, so the limit is that of eq. 1. All other spheres have the matrix `s M`.
 
 use super::coupling::Trial;
-use crate::force::total::{add_loads, weight};
+use crate::force::total::{add_loads, own_force};
 use crate::force::LoadError;
 use crate::joint::{add_reaction, Joint};
 use crate::model::{LinkKind, Model};
@@ -242,7 +242,7 @@ impl SmoothScratch {
         trial.wrench = wrench;
         loaded?;
         for (i, w) in trial.wrench.iter_mut().enumerate() {
-            let weight = weight(model, i);
+            let weight = own_force(model, i, weights.time);
             let terms = &mut self.residuals[self.residual_of[i] as usize];
             terms.parts += weight.length();
             w[0] += weight;

@@ -104,7 +104,7 @@ fn weigh_loads(
     evaluated(added, &mut scratch.load_error)?;
     for (i, [force, moment]) in wrench.into_iter().enumerate() {
         let pair = [
-            model.gravity_of(i) + model.inv_mass[i] * force,
+            model.own_acceleration(i, time) + model.inv_mass[i] * force,
             model.inv_inertia[i] * moment,
         ];
         // The state is saved where a run stops, and read again only if it holds nothing but numbers.

@@ -3,8 +3,8 @@
 //! A free wall is a body like a ball: it has a place (its displacement from where it was given), a velocity, and a share in every contact
 //! problem. Its guide takes what acts across the normal, and all moments.
 
-use super::{checked, Wall};
-use crate::force::{Dependence, Load, LoadError, Motion};
+use super::Wall;
+use crate::stepper::Span;
 use carom_geom::Shape;
 use carom_laws::Scalar;
 use glam::DVec3;
@@ -28,11 +28,13 @@ pub struct FreeWallInput {
 }
 
 /// A free wall of a model.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct FreeWall {
     pub normal: DVec3,
     /// Along the normal, m/s^2.
     pub gravity: DVec3,
+    /// Along the normal, N, a law of time.
+    force: Scalar,
 }
 
 impl FreeWall {
@@ -53,7 +55,8 @@ impl FreeWall {
             let text = format!("is {}; it must be finite", input.velocity);
             return Err(("velocity", text));
         }
-        checked(&wall.shape)?;
+        let law = &input.force;
+        law.check_at_start().map_err(|text| ("force", text))?;
         let along = if input.weighs {
             gravity.dot(normal)
         } else {
@@ -62,56 +65,18 @@ impl FreeWall {
         Ok(FreeWall {
             normal,
             gravity: along * normal,
+            force: input.force.clone(),
         })
     }
-}
 
-/// The force on a free wall along its normal.
-#[derive(Clone, Debug)]
-pub struct Press {
-    pub body: u32,
-    pub normal: DVec3,
-    /// N, a law of time.
-    pub force: Scalar,
-}
-
-impl Press {
-    /// Displacement of the wall along its normal, m.
-    fn along(&self, at: &Motion) -> f64 {
-        self.normal.dot(at.position[self.body as usize])
-    }
-}
-
-impl Load for Press {
-    fn dependence(&self) -> Dependence {
-        Dependence::Time
+    /// The given force at a time, N.
+    pub fn force(&self, time: f64) -> DVec3 {
+        self.force.value(time) * self.normal
     }
 
-    fn bodies(&self) -> [Option<u32>; 2] {
-        [Some(self.body), None]
-    }
-
-    fn check(&self) -> Result<(), (&'static str, String)> {
-        let law = &self.force;
-        law.check_slope_at_start().map_err(|text| ("force", text))
-    }
-
-    fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
-        let force = self.force.value(at.time);
-        if !force.is_finite() {
-            let text = format!("force {force} N at t = {} s", at.time);
-            return Err(LoadError::on(self.body, text));
-        }
-        wrench[self.body as usize][0] += force * self.normal;
-        Ok(())
-    }
-
-    /// `-F(t) s`: where impacts change the velocity within a step, places tell the work of the force and velocities do not.
-    fn potential(&self, at: &Motion) -> f64 {
-        -self.force.value(at.time) * self.along(at)
-    }
-
-    fn power(&self, at: &Motion) -> f64 {
-        -self.force.slope(at.time) * self.along(at)
+    /// Work of the force in a step, J, in which the wall moves from one place to another. Where impacts change its velocity within the step,
+    /// places tell that work and velocities do not.
+    pub fn work(&self, span: Span, [from, to]: [DVec3; 2]) -> f64 {
+        0.5 * (self.force(span.start) + self.force(span.end)).dot(to - from)
     }
 }
