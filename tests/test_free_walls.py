@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import carom
 import numpy as np
 import pytest
-
-import carom
 from carom.errors import CaromError, ScenarioError
 
 G = 9.81
@@ -54,7 +53,8 @@ def test_a_lid_presses_with_its_force_and_its_weight() -> None:
         assert lid.force[-20:, 2] == pytest.approx(force, rel=1e-9)
         assert result.walls["floor"].force[-20:, 2] == pytest.approx(-force - MASS * G, rel=1e-9)
         assert lid.position[-1] == pytest.approx([0, 0, 2 * RADIUS], abs=1e-12)
-        assert lid.is_free and not result.walls["floor"].is_free
+        assert lid.is_free
+        assert not result.walls["floor"].is_free
         assert abs(lid.velocity[-20:]).max() < 1e-12
 
 

@@ -141,8 +141,8 @@ class Simulation:
       "b", "arm_a", "arm_b", "stiffness", "damping", "rest_length"}`; `{"kind": "drag", "body", "translation", "rotation"}`;
       `{"kind": "callable", "function": f}`, `f(time, position, velocity, angular_velocity)` giving a float64 array (N,6)
 
-    Walls are bodies N.., free planes first, the other planes, then those of the list `walls` (may be left out): `{"shape": tuple, "point": (3,),
-    "material": int}` with the shapes
+    Walls are bodies N..: free planes, the other planes, then those of the list `walls` (may be left out):
+    `{"shape": tuple, "point": (3,), "material": int}` with the shapes
 
     - `("rectangle", normal, side, [a, b])`: centre at the point, full lengths along `side` and across it
     - `("disc", normal, radius, hole)`: centre at the point; `hole` is the inner radius of a ring, 0 for none
@@ -163,9 +163,9 @@ class Simulation:
       surface that stays; both turn with the wall
     - `"until"`, s: when the wall is taken away; without the key it stays
 
-    `free_walls` is a list of `{"wall": int, "mass": kg, "velocity": m/s, "weighs": bool, "force": law}`: the first planes, which
-    move along their normals, with the force of the law along them. Their state stands behind that of the balls in `state()`;
-    frames have `free_walls (F, walls, 2)`, displacement and velocity along the normal.
+    `free_walls` is a list of `{"wall": int, "mass": kg, "velocity": m/s, "weighs": bool, "force": law}`: the first planes,
+    which move along their normals, with the force of the law along them. Their state stands behind that of the balls in
+    `state()`; frames have `free_walls (F, walls, 2)`, displacement and velocity along the normal.
 
     A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `inflow`: list of `{"bodies": (first,
     count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),
