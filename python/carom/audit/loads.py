@@ -122,7 +122,15 @@ def _at_steps(run: Run, forms: tuple[Any, ...], parts: int = 1) -> F64:
     if parts > 1:
         shares = np.arange(parts) / parts
         time = np.append((time[:-1, None] + np.diff(time)[:, None] * shares).ravel(), time[-1])
-    return np.stack([law(form, time)[0] for form in forms], axis=1)
+    return np.stack([_value(form, time) for form in forms], axis=1)
+
+
+def _value(form: Any, time: F64) -> F64:
+    """A law at some times, or ("times", (factor, law))."""
+    if form[0] == "times":
+        factor, of = form[1]
+        return np.asarray(factor * law(of, time)[0])
+    return law(form, time)[0]
 
 
 def _filtered(run: Run, forms: tuple[Any, ...]) -> tuple[F64, F64]:
@@ -365,7 +373,7 @@ def solved_again(block: Block) -> F64:
     if not run.loads_once:
         return np.zeros(block.count)
     dt = block.dt[:, None, None]
-    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.gravity)
+    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.falls)
     pulled = norm(on_bodies(block)[0])
     if run.cohesive:  # what it pulls in contacts push out again
         moved = np.maximum(moved, norm(of_contacts(block).shift) / run.mass)

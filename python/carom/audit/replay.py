@@ -291,14 +291,15 @@ class Replay:
         return np.where(acts, run.restitution(index, speed), 0.0) * normal, speed
 
     def _wrenches(self) -> tuple[F64, F64]:
-        """Momenta that each row gives its two bodies, (K, 6); none to walls."""
+        """Momenta that each row gives its two bodies, (K, 6); none to walls that are not free."""
         run, r = self.block.run, self.r
-        reach = np.append(run.radius, 0.0)
+        reach = run.reach
         arm = self.arm
-        ball = (r.b < run.bodies)[:, None]
+        ball, moved = (r.b < run.balls)[:, None], (r.b < run.bodies)[:, None]
         of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
-        of_b = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
-        return of_a, np.where(ball, of_b, 0.0)
+        turned_by = -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm
+        of_b = np.hstack([-run.taken(r.b, r.impulse), np.where(ball, turned_by, 0.0)])
+        return of_a, np.where(moved, of_b, 0.0)
 
     def _moved(self, rows: slice | I64, *, free: bool = False) -> tuple[I64, F64]:
         """The bodies that some rows move, each once, (M,), and the velocities that the rows give them together, (M, 6);
