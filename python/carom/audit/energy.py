@@ -23,7 +23,7 @@ from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
 from carom.audit.forces import pushes, speeds, together
-from carom.audit.loads import of_loads, remembered
+from carom.audit.loads import impulses, of_loads, remembered
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
@@ -343,7 +343,7 @@ def rises(run: Run, tally: Tally) -> None:
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
-    bound = bound + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
+    bound = bound + _pressed(run, motion) + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
@@ -363,6 +363,34 @@ def _answered(run: Run) -> F64:
         found = found + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
     if run.joints:
         found = found + reactions.unsteady(run)
+    return found
+
+
+def _pressed(run: Run, motion: F64) -> F64:
+    """(S,) by how much the work of the forces on free walls may be off, J, for kinetic energies `motion` of the steps: it is
+    recorded by the velocities at both ends of a step, of which contacts gave a part after the force had acted.
+    """
+    found, s = np.zeros(len(motion)), run.steps
+    for load in run.loads:
+        body = int(load.get("body", -1))
+        if load["kind"] != "force" or body < run.balls:
+            continue
+        impulse = norm(impulses(run, load)[:, :3])
+        fastest = np.sqrt(2.0 * motion / run.mass[body])
+        jump = 2.0 * fastest + (impulse + float(norm(run.gravity)) * run.h * run.mass[body]) / run.mass[body]
+        known = _changes(run, body)
+        jump = np.where(np.isnan(known), jump, np.minimum(known + impulse / run.mass[body], jump))
+        met = (s["contacts"] > 0) | (s["impact_problems"] > 0) | run.cut
+        found += np.where(met, impulse * jump, 0.0)
+    return found
+
+
+def _changes(run: Run, body: int) -> F64:
+    """(S,) by how much the velocity of a free wall changes in each step, m/s; not a number where frames do not tell it."""
+    found = np.full(len(run.steps["step"]), np.nan)
+    v = np.asarray(run.result._segments.column("frames", "free_walls")[:, body - run.balls, 1])
+    single = np.flatnonzero(np.diff(run.step) == 1)
+    found[run.step[single]] = np.abs(v[single + 1] - v[single])
     return found
 
 

@@ -159,6 +159,11 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     ):  # what the solver may leave of impulses is not known, but of what the bodies lost
         change = norm(block.v1 - block.v0 - run.falls * block.dt[:, None, None])
         left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
+        if run.free_walls:  # of which one may be far heavier than the balls that it presses
+            pushed = run.mass[:, None] * (block.v1 - block.v0 - run.falls * block.dt[:, None, None])
+            pushed = norm(pushed - of_loads(block).impulse[..., :3])
+            given = 8.0 * (block.tolerance * np.sqrt(np.nansum(pushed**2, axis=1)))[k]
+            left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
     bound = closing(block, k, a, b) + left + 64.0 * EPS * fastest[k]
     tally.measure("approach", np.maximum(0.0, -found.normal), bound,
                   lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip

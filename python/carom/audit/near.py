@@ -14,6 +14,7 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
+from carom.audit.loads import of_loads
 from carom.audit.rates import compliance
 from carom.audit.vectors import norm
 from carom.scene.packing.neighbours import pairs as neighbours
@@ -45,6 +46,10 @@ def near(block: Block) -> Near:
     travelled = norm(block.x1 - block.x0)
     fast = np.maximum(norm(block.v0), norm(block.v1)) * block.dt[:, None]
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
+    if run.free_walls:  # light ones are pushed farther by their forces than any ball falls
+        walls = slice(run.balls, None)
+        gained = of_loads(block).spread[:, walls, 0] / run.mass[walls]
+        possible[:, walls] += gained * block.dt[:, None]
     longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
     balls, walls = _balls(block, way), _walls(block, way)
