@@ -29,7 +29,7 @@ from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
-from carom.audit.loads import turned_loads
+from carom.audit.loads import of_loads, turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, across, add_at, cross, dot, norm
@@ -161,6 +161,11 @@ class Replay:
             ),
         )
         self.compliance = compliance(run, r.a, r.b)
+        #: (B,) largest speed that the weight, or the force on a free wall, gives in a step, m/s.
+        self.loads_give = np.full(block.count, float(norm(run.gravity)) * run.h)
+        if run.free_walls:
+            walls = slice(run.balls, None)
+            self.loads_give += (of_loads(block).spread[:, walls, 0] / run.mass[walls]).max(axis=1)
         self.squares = bounds.squares(run, r)
         self.wrench = self._wrenches()
         given = np.flatnonzero(kept | (r.problem > 0))
@@ -347,7 +352,7 @@ class Replay:
             [of[rows] for of in self.compliance],
             self.push[rows],
         )
-        weight = norm(run.gravity) * run.h
+        weight = self.loads_give[r.k]
         scale = self.top[r.k]
         # Speeds follow from recorded impulses without any solver, to rounding of both.
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
