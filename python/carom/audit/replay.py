@@ -424,7 +424,8 @@ class Replay:
         slip = -(e_t * own[1])[:, None] * np.nan_to_num(sliding)
         spread = np.nan_to_num(self.pressed.gain[rows]) * 2.0 * left
         spread = spread + run.rebound(index, speed, own[0] * spread) / own[0]
-        return least, slip, spread
+        # The safeguard may have taken the expansion back.
+        return r.scale * least, r.scale[:, None] * slip, spread
 
     def _turning(self, rows: slice, left: F64, after: Rates, sure: I64) -> None:
         """Moments of a problem in their bounds, and against the motion after it: these know no restitution."""
