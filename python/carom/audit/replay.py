@@ -497,8 +497,10 @@ class Replay:
             # Who has given up restitution is not asked whether the loads alone had left less.
             given_up = np.zeros(len(motion), dtype=bool)
             ends = self.at[0], np.where(self.r.b < run.bodies, self.at[1], self.at[0])
+            # By Poisson's law it is the expansion after it that is given up.
+            of_scale = slice(None) if run.impact_law.restitution == "poisson" else rows
             for of in ends:
-                given_up[of[rows][r.scale == 0.0]] = True
+                given_up[of[of_scale][self.r.scale[of_scale] == 0.0]] = True
             asked = ~(given_up[ends[0]] | given_up[ends[1]])
             since = total(self._work_since(rows, motion) * asked[rows])
             since = since - np.bincount(
