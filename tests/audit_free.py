@@ -16,7 +16,6 @@ from carom.scene.tables.walls import Plane
 UNTIL = 0.05
 """Duration, s."""
 R = 0.005
-NO = True
 
 
 def plane(made: carom.Scene, name: str, **given: Any) -> None:
@@ -38,8 +37,7 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
     made = carom.Scene(gravity=one((0, 0, -9.8), (0, 0, 0), (1.0, 0, -9.8)), **periodic)
     for other in ("grain", "wall"):
         made.contact("grain", other, friction=one(0.0, 0.3, 0.6), restitution=one(0.0, 0.3, 0.8),
-                     tangential_restitution=one(0.0, 0.0, 0.4), rolling_radius=one(0.0, 0.0, 1e-4),
-                     **one({}, {}, {}, {} if NO else {"cohesion": 0.01, "rupture_distance": 1e-5}))  # fmt: skip
+                     tangential_restitution=one(0.0, 0.0, 0.4), rolling_radius=one(0.0, 0.0, 1e-4))  # fmt: skip
 
     def free() -> dict[str, Any]:
         given: dict[str, Any] = {"mass": one(0.001, 0.02, 0.5), "velocity": one(0.0, 0.0, 0.3)}
@@ -48,7 +46,9 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         return given | ({} if force == 0.0 else {"force": force})
 
     lid = {"free": free()} if one(True, True, False) else {}
-    floor = one({}, {}, {"free": free()}, {"motion": {"translation": [0, 0, {"expression": "0.001*sin(60*t)"}]}})
+    floor = one(
+        {}, {}, {"free": free()}, {"motion": {"translation": [0, 0, {"expression": "0.001*sin(60*t)"}]}}
+    )
     if not lid and "free" not in floor:
         lid = {"free": free()}
     plane(made, "floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall", **floor)
@@ -58,15 +58,12 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         for name, axis, sign in sides:
             normal, point = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             normal[axis], point[axis] = float(sign), 0.0 if sign > 0 else side
-            if name == "right" and one(False, False, True):
-                more = {"free": free()}
-            else:
-                more = {}
+            more = {"free": free()} if name == "right" and one(False, False, True) else {}
             plane(made, name, point=point, normal=normal, material="wall", **more)
     speed = one(0.0, 0.1, 0.5)
     for k in range(across * across * layers):
-        i, j, l = k % across, (k // across) % across, k // across**2
-        place = (0.0052 + 0.0105 * i, 0.0053 + 0.0105 * j, 0.006 + 0.0105 * l)
+        row, column, layer = k % across, (k // across) % across, k // across**2
+        place = (0.0052 + 0.0105 * row, 0.0053 + 0.0105 * column, 0.006 + 0.0105 * layer)
         made.sphere(f"b{k}", radius=R * rng.uniform(0.9, 1.0), density=2500, material="grain", position=place,
                     velocity=(speed * rng.uniform(-1, 1, 3)).tolist())  # fmt: skip
     if one(False, False, False, True):

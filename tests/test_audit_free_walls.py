@@ -31,7 +31,9 @@ def lid(*, gravity: float = 9.8, **free: Any) -> carom.Scene:
     audit_free.plane(scene, "floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
     given = {"mass": 0.2, "force": 5.0, **free}
     audit_free.plane(scene, "lid", point=(0, 0, TOP), normal=(0, 0, -1), material="wall", free=given)
-    scene.sphere("ball", radius=0.01, density=2500, material="ball", position=(0, 0, 0.012), velocity=(0.3, 0, 0.5))
+    scene.sphere(
+        "ball", radius=0.01, density=2500, material="ball", position=(0, 0, 0.012), velocity=(0.3, 0, 0.5)
+    )
     return scene
 
 
@@ -178,7 +180,9 @@ def test_a_lost_impulse_of_the_wall_is_found(
 
 
 @pytest.mark.parametrize("name", ["lid", "moreau", "bare", "rare"])
-@pytest.mark.parametrize(("given", "other"), [("mass = 0.2", "mass = 0.2002"), ("force = 5.0", "force = 5.005")])
+@pytest.mark.parametrize(
+    ("given", "other"), [("mass = 0.2", "mass = 0.2002"), ("force = 5.0", "force = 5.005")]
+)
 def test_another_mass_or_force_is_found(
     name: str, given: str, other: str, runs: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -214,5 +218,3 @@ def test_a_file_without_the_motion_of_its_walls_is_refused(runs: dict[str, Path]
 
     with pytest.raises(carom.CaromError, match="frames/free_walls"):
         audit.check(planted(runs["lid"], tmp_path / "run", edit))
-
-

@@ -122,8 +122,8 @@ class Run:
         ]
         #: Whether loads act on balls.
         self.loads_on_balls = bool(self.loads)
-        for w, wall in enumerate(self.free_walls):
-            self.loads += wall.load(self.balls + w)
+        for w, free_wall in enumerate(self.free_walls):
+            self.loads += free_wall.load(self.balls + w)
         self.time = np.asarray(result.time)
         self.step = np.asarray(result.step).astype(np.int64)
         self.frames = len(self.time)
@@ -131,10 +131,12 @@ class Run:
 
     def state(self, rows: slice) -> tuple[F64, F64, F64, F64]:
         """Places, velocities, angular velocities and orientations of all bodies at some frames, (T, N, ...): of free walls
-        their displacements, since what is not theirs is known.
+        their displacements along their normals, and their velocities along these.
         """
         r = self.result
-        x, v, w, q = (np.asarray(c[rows]) for c in (r.position, r.velocity, r.angular_velocity, r.orientation))
+        x, v, w, q = (
+            np.asarray(c[rows]) for c in (r.position, r.velocity, r.angular_velocity, r.orientation)
+        )
         if not self.free_walls:
             return x, v, w, q
         along = np.asarray(r._segments.column("frames", "free_walls")[rows])
@@ -221,7 +223,7 @@ class Run:
     def law_of(self) -> I64:
         """Number of the contact law of two materials, (M, M), -1 where there is none."""
         a, b = self.model["law_a"], self.model["law_b"]
-        of_walls = [w.material for w in (*self.free_walls, *self.walls)]
+        of_walls = [*(w.material for w in self.free_walls), *(w.material for w in self.walls)]
         most = 1 + max([*a, *b, *self.material, *of_walls], default=0)
         found = np.full((most, most), -1, dtype=np.int64)
         found[a, b] = found[b, a] = np.arange(len(a))
@@ -229,8 +231,9 @@ class Run:
 
     def law_index(self, a: I64, b: I64) -> I64:
         """Laws of the pairs of bodies a and b (walls from N on)."""
-        of_walls = np.array([w.material for w in (*self.free_walls, *self.walls)], dtype=np.int64)
-        material = np.concatenate([self.material, of_walls])
+        of_free = np.array([w.material for w in self.free_walls], dtype=np.int64)
+        of_walls = np.array([w.material for w in self.walls], dtype=np.int64)
+        material = np.concatenate([self.material, of_free, of_walls])
         return np.asarray(self.law_of[material[a], material[b]])
 
     def coefficient(self, name: str, index: I64) -> F64:

@@ -1,7 +1,8 @@
 """Free walls: planes with a mass, bodies of the auditor behind the balls, which a guide lets move along their normals alone.
 
-The scheme moves one as it moves a ball, along `n`: gravity acts on it as `(g n) n` or not at all, its force as any force that
-depends on the time, of an impulse of a contact the normal part. Results keep its displacement and its velocity (`frames`).
+The scheme moves a wall along its normal `n` as it moves a ball. Gravity acts on it as `(g n) n` or not at all, its force as
+any force that depends on the time, and an impulse of a contact with its normal part. Results keep its displacement and its
+velocity in `frames/free_walls`.
 """
 
 from __future__ import annotations
@@ -56,7 +57,9 @@ def of_model(model: Mapping[str, Any]) -> list[FreeWall]:
     found = []
     for given in model.get("free_walls", ()):
         w = int(given["wall"])
-        normal, point = (np.asarray(model[f"plane_{name}"][w], dtype=np.float64) for name in ("normal", "point"))
+        normal, point = (
+            np.asarray(model[f"plane_{name}"][w], dtype=np.float64) for name in ("normal", "point")
+        )
         found.append(
             FreeWall(
                 normal,

@@ -130,7 +130,10 @@ def _at_steps(run: Run, forms: tuple[Any, ...], parts: int = 1) -> F64:
 def _argument(run: Run, forms: tuple[Any, ...]) -> F64:
     """(S, 6) by how much forces differ for a rounding of the time at which they are taken."""
     end = run.steps["time"]
-    slopes = [np.abs(form[1][0] * law(form[1][1], end)[1] if form[0] == "times" else law(form, end)[1]) for form in forms]
+    slopes = [
+        np.abs(form[1][0] * law(form[1][1], end)[1] if form[0] == "times" else law(form, end)[1])
+        for form in forms
+    ]
     return np.asarray(4.0 * EPS * end[:, None] * np.nan_to_num(np.stack(slopes, axis=1)))
 
 

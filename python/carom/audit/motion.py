@@ -15,6 +15,8 @@ rounding.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
@@ -25,7 +27,7 @@ from carom.audit.cones import PARTS
 from carom.audit.corrections import groups
 from carom.audit.forces import Sums
 from carom.audit.loads import Loads, memory, of_loads, solved_again
-from carom.audit.report import Tally
+from carom.audit.report import Place, Tally
 from carom.audit.vectors import (
     EPS,
     add_at,
@@ -61,10 +63,10 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         free = _untouched(block, free)
         of_walls = _momentum_of_walls(block, tally, loads, known)
         for kind in ("momentum", "spin", "position", "rotation"):
-            hidden = known & ~free
+            unseen = known & ~free
             if kind != "position":
-                hidden[:, run.balls :] &= ~of_walls & (kind == "momentum")
-            tally.skip(kind, CONTACTS, RECORD, int(hidden.sum()))
+                unseen[:, run.balls :] &= ~of_walls & (kind == "momentum")
+            tally.skip(kind, CONTACTS, RECORD, int(unseen.sum()))
         known &= free
         known[:, run.balls :] &= ~of_walls
     hidden = np.nonzero(block.there & loads.unknown)[0]
@@ -142,6 +144,11 @@ def _recorded_on_walls(block: Block) -> F64 | None:
     return np.asarray(segments.column("frames", "walls")[block.first : block.first + block.count])
 
 
+def _places(block: Block, k: I64, body: int) -> Callable[[int], Place]:
+    """Places of a body at the ends of the intervals `k`."""
+    return lambda i: block.place(int(k[i]), body)
+
+
 def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) -> Bool:
     """Without recorded contacts: the momentum of each free wall, from the impulse on it. (B, F) where it was judged."""
     run, given = block.run, _recorded_on_walls(block)
@@ -158,8 +165,7 @@ def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) ->
         size = m * (np.abs(speeds[0]) + np.abs(speeds[1])) + np.abs(weight) + loads.spread[:, body, 0]
         bound = _rounding(block)[:, body] * (size + norm(given[:, w, :3])) + loads.slack[:, body, 0]
         rows = np.flatnonzero(judged[:, w])
-        tally.measure("momentum", value[rows], bound[rows],
-                      lambda i, rows=rows, body=body: block.place(int(rows[i]), body))  # fmt: skip
+        tally.measure("momentum", value[rows], bound[rows], _places(block, rows, body))
     return judged
 
 

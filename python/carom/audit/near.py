@@ -47,9 +47,9 @@ def near(block: Block) -> Near:
     fast = np.maximum(norm(block.v0), norm(block.v1)) * block.dt[:, None]
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
     if run.free_walls:  # light ones are pushed farther by their forces than any ball falls
-        walls = slice(run.balls, None)
-        gained = of_loads(block).spread[:, walls, 0] / run.mass[walls]
-        possible[:, walls] += gained * block.dt[:, None]
+        free_walls = slice(run.balls, None)
+        gained = of_loads(block).spread[:, free_walls, 0] / run.mass[free_walls]
+        possible[:, free_walls] += gained * block.dt[:, None]
     longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
     balls, walls = _balls(block, way), _walls(block, way)
