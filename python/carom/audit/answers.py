@@ -212,7 +212,7 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
     )
     inert = np.repeat(np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1)
     pushed = given.alone[active][:, bodies] / inert
-    pushed[..., :3] += run.h * run.gravity
+    pushed[..., :3] += run.h * (run.falls[bodies] if run.free_walls else run.falls)
     smooth = old + pushed
     for _ in range(6):
         mean = run.h * ((1.0 - theta) * old + theta * smooth)

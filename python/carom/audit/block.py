@@ -87,10 +87,8 @@ class Block:
         self.known: dict[Callable[[Block], Any], Any] = {}
         self.first = first
         self.count = end - first
-        r, rows = run.result, slice(first - 1, end)
-        x, v, w, q = (
-            np.asarray(c[rows]) for c in (r.position, r.velocity, r.angular_velocity, r.orientation)
-        )
+        rows = slice(first - 1, end)
+        x, v, w, q = run.state(rows)
         self.x0, self.v0, self.w0, self.q0 = x[:-1], v[:-1], w[:-1], q[:-1]
         self.x1, self.v1, self.w1, self.q1 = x[1:], v[1:], w[1:], q[1:]
         self.t0, self.t1 = run.time[rows][:-1], run.time[rows][1:]
@@ -98,7 +96,7 @@ class Block:
         self.n = self.s1 - self.s0
         """Steps of each interval."""
         self.dt = self.n * run.h
-        present = np.asarray(r.present[rows])
+        present = run.present(rows)
         self.there = present[:-1] & present[1:]
         """(B, N) bodies that were there all the time."""
         self._leave_out_events()

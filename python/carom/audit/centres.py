@@ -23,7 +23,7 @@ def centres(block: Block) -> F64:
     if run.has_contacts:
         smooth = before_contacts(block)[..., :3]
         return np.asarray(block.x0 + dt * ((1.0 - theta) * block.v0 + theta * smooth))
-    gained = of_loads(block).impulse[..., :3] / run.mass[:, None] + dt * run.gravity
+    gained = of_loads(block).impulse[..., :3] / run.mass[:, None] + dt * run.falls
     return np.asarray(block.x0 + dt * (block.v0 + theta * gained))
 
 

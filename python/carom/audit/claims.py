@@ -20,7 +20,7 @@ import numpy as np
 from carom.audit.data import Run
 from carom.audit.references import at
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, norm
+from carom.audit.vectors import EPS, dot, norm
 from carom.scene.assembly.arrays import identify
 
 Claim = tuple[str, Any, Any, float]
@@ -133,7 +133,7 @@ def _summary(run: Run, about: Mapping[str, Any], told: Mapping[str, Any]) -> Ite
         ("method", run.method),
         ("step", run.h),
         ("steps", steps),
-        ("bodies_count", run.bodies),
+        ("bodies_count", run.balls),
     ):
         yield claim(key, shown)
     yield claim("time", steps * run.h, 2.0 * EPS)
@@ -179,11 +179,9 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
     first = energy.get("initial") if isinstance(energy, Mapping) else None
     if not isinstance(first, float | int) or len(run.result.events) or int(run.step[0]) != 0:
         return
-    x, v, w = (
-        np.asarray(a[0]) for a in (run.result.position, run.result.velocity, run.result.angular_velocity)
-    )
+    x, v, w = (of[0] for of in run.state(slice(0, 1))[:3])
     motion = 0.5 * (run.mass * norm(v) ** 2 + run.inertia * norm(w) ** 2)
-    height = run.mass * (x @ run.gravity)
+    height = run.mass * dot(x, run.falls)
     if not run.loads and run.method != "penalty":  # whose springs and contacts have a potential, too
         shown, size = motion.sum() - height.sum(), (motion + np.abs(height)).sum()
         yield "energy.initial", shown, 64.0 * EPS * run.bodies * size / max(abs(shown), 1e-300)

@@ -49,7 +49,9 @@ def within(run: Run, time: F64, x: F64) -> Cohesive:
     far = float(np.max(run.model["rupture_distance"]))
     found: list[tuple[I64, I64, I64]] = []
     for k in range(len(time)):
-        here = np.flatnonzero(np.isfinite(x[k]).all(axis=1))
+        here = np.flatnonzero(np.isfinite(x[k, : run.balls]).all(axis=1))
+        for w in range(len(run.free_walls)):
+            found.append((np.full(len(here), k), here, np.full(len(here), run.balls + w)))
         if len(here) > 1:
             first, second = neighbours(x[k, here], run.radius[here] + 0.6 * far, run.period)
             low, high = (f(here[first], here[second]) for f in (np.minimum, np.maximum))
@@ -67,7 +69,7 @@ def within(run: Run, time: F64, x: F64) -> Cohesive:
     law = run.law_index(a, b)
     force, reach = (np.nan_to_num(run.coefficient(name, law)) for name in ("cohesion", "rupture_distance"))
     gap, normal = run.meet(time[listed], a, b, x[listed, a], x[listed, np.minimum(b, run.bodies - 1)])
-    smaller = np.minimum(run.radius[a], np.append(run.radius, np.inf)[np.minimum(b, run.bodies)])
+    smaller = np.minimum(run.radius[a], run.length[np.minimum(b, run.bodies)])
     gap = np.where(gap <= run.loosest["touching_tolerance"] * smaller, 0.0, gap)
     rows = np.flatnonzero((force > 0.0) & (gap < reach) & apart)
     return Cohesive(listed[rows], a[rows], b[rows], gap[rows], normal[rows], force[rows], reach[rows])
@@ -130,7 +132,7 @@ def _along(block: Block, pairs: Cohesive) -> tuple[F64, F64]:
     if run.method == "moreau":
         x = block.x0 + 0.5 * h * block.v0
         return run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])[1], np.zeros(len(k))
-    x = block.x0 + h * block.v0 + 0.5 * h * h * run.gravity
+    x = block.x0 + h * block.v0 + 0.5 * h * h * run.falls
     last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])[1]
     one = run.jointed[a] | (run.jointed[b] & (pairs.b < run.bodies))
     middle = np.where(one[:, None] | (not run.loads_once), last, unit(pairs.normal + last))

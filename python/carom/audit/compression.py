@@ -86,7 +86,9 @@ def _rows(run: Run, r: Hits, lever: F64) -> tuple[F64, F64, F64]:
         rows = np.flatnonzero(of < run.bodies)
         at = np.searchsorted(bodies, of[rows])
         gradient[rows, :, at, :3] = sign * ways[rows]
-        gradient[rows, :, at, 3:] = run.radius[of[rows], None, None] * turns[rows]
+        gradient[rows, :, at, 3:] = run.reach[of[rows], None, None] * turns[rows]
+        guided = np.flatnonzero(run.is_free_wall(of))  # which move along their normals alone
+        gradient[guided, 1:, np.searchsorted(bodies, of[guided])] = 0.0
     inverse = np.repeat(1.0 / np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1).ravel()
     return ways, gradient.reshape(3 * len(r), -1), inverse
 

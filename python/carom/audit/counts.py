@@ -127,7 +127,7 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     if run.method != "nsga" or not run.has_contacts:
         return
     judged = block.single & block.kept & block.there.all(axis=1)
-    length = np.minimum(run.radius[near.a], np.append(run.radius, np.inf)[np.minimum(near.b, n)])
+    length = np.minimum(run.radius[near.a], run.length[np.minimum(near.b, n)])
     touching = run.held_to("touching_tolerance")
     noise = 16.0 * EPS * (np.abs(block.x1[near.k, near.a]).max(axis=1) + run.radius[near.a])
     lawful = run.law_index(near.a, near.b) >= 0
@@ -161,10 +161,10 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     run, n = block.run, block.run.bodies
     if run.method != "nsga":
         return
-    fall = block.x0 + run.h * block.v0 + 0.5 * run.h**2 * run.gravity
+    fall = block.x0 + run.h * block.v0 + 0.5 * run.h**2 * run.falls
     a, b, k, ball = near.a, near.b, near.k, np.minimum(near.b, n - 1)
     gap, _ = run.meet(block.t1[k], a, b, fall[k, a], fall[k, ball])
-    length = np.minimum(run.radius[a], np.append(run.radius, np.inf)[np.minimum(b, n)])
+    length = np.minimum(run.radius[a], run.length[np.minimum(b, n)])
     noise = 64.0 * EPS * (np.abs(fall[k, a]).max(axis=1) + run.radius[a])
     loaded = run.answering.copy()
     loaded[[load["body"] for load in run.loads if load["kind"] == "force"]] = True
@@ -182,7 +182,7 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
 
 def _penetration(block: Block, near: Near, tally: Tally) -> None:
     run = block.run
-    other = np.append(run.radius, np.inf)[np.minimum(near.b, run.bodies)]
+    other = run.length[np.minimum(near.b, run.bodies)]
     length = np.minimum(run.radius[near.a], other)
     depth = np.where(np.isfinite(near.gap1), np.maximum(0.0, -near.gap1), 0.0)
     extent = np.nanmax(np.abs(block.x1), axis=(1, 2), initial=0.0) + run.radius.max(initial=0.0)

@@ -17,6 +17,7 @@ import numpy as np
 
 from carom import _core
 from carom.arrays import F64, I64, Array, Bool
+from carom.audit import guided
 from carom.audit.formula import law
 from carom.audit.meshes import Parts
 from carom.audit.report import Place
@@ -78,15 +79,32 @@ class Run:
         self.h = float(self.options["step"])
         self.until = float(scene.run.until or 0.0)
         self.every = int(scene.record.every or 1)
-        self.radius: F64 = result.bodies["radius"]
-        self.mass: F64 = result.bodies["mass"]
-        self.inertia: F64 = result.bodies["inertia"]
+        of_balls: list[F64] = [np.asarray(result.bodies[n]) for n in ("radius", "mass", "inertia")]
+        #: Number of balls; free walls are the bodies behind them.
+        self.balls = len(of_balls[0])
+        self.free_walls = guided.of_model(self.model)
+        free = len(self.free_walls)
+        # A free wall has no radius: where numbers are compared with one it has that of the smallest ball.
+        smallest = float(of_balls[0].min(initial=np.inf))
+        self.radius: F64 = np.append(of_balls[0], np.full(free, smallest))
+        self.mass: F64 = np.append(of_balls[1], [wall.mass for wall in self.free_walls])
+        self.inertia: F64 = np.append(of_balls[2], np.full(free, guided.HELD))
+        #: Levers of bodies, and of walls at last, m: none at walls.
+        self.reach: F64 = np.concatenate([of_balls[0], np.zeros(free + 1)])
+        #: Lengths that gaps of bodies, and of walls at last, are compared with, m: walls have none of their own.
+        self.length: F64 = np.concatenate([of_balls[0], np.full(free + 1, np.inf)])
         self.material = np.asarray(self.model["material"]).astype(np.int64)
         self.gravity: F64 = result.gravity
         self.period: F64 | None = result.periodic
         self.names = [*scene.names, *scene.wall_names]
-        self.bodies = len(self.radius)
-        self.walls = _walls(self.model)
+        self.bodies = self.balls + free
+        #: Gravity as bodies have it, (3,) or (N, 3), m/s^2.
+        self.falls: F64 = self.gravity
+        if free:
+            falls = [wall.fall(self.gravity) for wall in self.free_walls]
+            self.falls = np.vstack([np.tile(self.gravity, (self.balls, 1)), falls])
+        #: Walls that stand, or move as prescribed.
+        self.walls = _walls(self.model)[free:]
         for wall in self.walls:
             wall.taken_by_steps(self.h)
         self.given_walls = len(self.walls)
@@ -102,10 +120,50 @@ class Run:
             *self.model.get("loads", ()),
             *([{"kind": "cohesion"}] if self.cohesive else []),
         ]
+        #: Whether loads act on balls.
+        self.loads_on_balls = bool(self.loads)
+        for w, free_wall in enumerate(self.free_walls):
+            self.loads += free_wall.load(self.balls + w)
         self.time = np.asarray(result.time)
         self.step = np.asarray(result.step).astype(np.int64)
         self.frames = len(self.time)
         self.steps = {name: np.asarray(result.steps[name]) for name in result.steps.columns}
+
+    def state(self, rows: slice) -> tuple[F64, F64, F64, F64]:
+        """Places, velocities, angular velocities and orientations of all bodies at some frames, (T, N, ...): of free walls
+        their displacements along their normals, and their velocities along these.
+        """
+        r = self.result
+        x, v, w, q = (
+            np.asarray(c[rows]) for c in (r.position, r.velocity, r.angular_velocity, r.orientation)
+        )
+        if not self.free_walls:
+            return x, v, w, q
+        along = np.asarray(r._segments.column("frames", "free_walls")[rows])
+        normal = np.array([wall.normal for wall in self.free_walls])
+        still = np.zeros((*along.shape[:2], 3))
+        upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*along.shape[:2], 4))
+        of_walls = along[..., :1] * normal, along[..., 1:] * normal, still, upright
+        x, v, w, q = (np.concatenate(both, axis=1) for both in zip((x, v, w, q), of_walls, strict=True))
+        return x, v, w, q
+
+    def present(self, rows: slice) -> Bool:
+        """(T, N) which bodies are there at some frames."""
+        of_balls = np.asarray(self.result.present[rows])
+        free = np.ones((len(of_balls), len(self.free_walls)), dtype=bool)
+        return np.hstack([of_balls, free])
+
+    def is_free_wall(self, b: I64) -> Bool:
+        """(K,) which bodies are free walls."""
+        return np.asarray((b >= self.balls) & (b < self.bodies))
+
+    def taken(self, b: I64, given: F64) -> F64:
+        """What bodies `b` (K,) take of impulses (K, 3): free walls the part along their normals."""
+        return guided.taken(self.free_walls, self.balls, b, given)
+
+    def wall_number(self, b: I64) -> I64:
+        """(K,) which of all given walls the bodies are, in the order of the tables of walls."""
+        return self.given(b) - self.balls
 
     @cached_property
     def loosest(self) -> dict[str, float]:
@@ -165,15 +223,17 @@ class Run:
     def law_of(self) -> I64:
         """Number of the contact law of two materials, (M, M), -1 where there is none."""
         a, b = self.model["law_a"], self.model["law_b"]
-        most = 1 + max([*a, *b, *self.material, *(w.material for w in self.walls)], default=0)
+        of_walls = [*(w.material for w in self.free_walls), *(w.material for w in self.walls)]
+        most = 1 + max([*a, *b, *self.material, *of_walls], default=0)
         found = np.full((most, most), -1, dtype=np.int64)
         found[a, b] = found[b, a] = np.arange(len(a))
         return found
 
     def law_index(self, a: I64, b: I64) -> I64:
         """Laws of the pairs of bodies a and b (walls from N on)."""
+        of_free = np.array([w.material for w in self.free_walls], dtype=np.int64)
         of_walls = np.array([w.material for w in self.walls], dtype=np.int64)
-        material = np.concatenate([self.material, of_walls])
+        material = np.concatenate([self.material, of_free, of_walls])
         return np.asarray(self.law_of[material[a], material[b]])
 
     def coefficient(self, name: str, index: I64) -> F64:
@@ -268,15 +328,20 @@ class Run:
         return np.asarray(d - np.where(self.period > 0, self.period, 0.0) * np.rint(d / length))
 
     def meet(self, time: F64, a: I64, b: I64, x: F64, y: F64) -> tuple[F64, F64]:
-        """Gap (K,) and normal (K, 3) from B to A at the times (K,): `x` places of A, `y` of B (unused at walls)."""
+        """Gap (K,) and normal (K, 3) from B to A at the times (K,): `x` places of A, `y` of B
+        (displacements of free walls, unused at others).
+        """
         d = self.between(x, y)
         distance = norm(d)
-        other = np.append(self.radius, 0.0)[np.minimum(b, self.bodies)]
+        other = self.reach[np.minimum(b, self.bodies)]
         gap = distance - self.radius[a] - other
         normal = np.divide(d, distance[:, None], out=np.zeros_like(d), where=distance[:, None] > 0)
         for w, wall in enumerate(self.walls):
             rows = np.flatnonzero(b == self.bodies + w)
             gap[rows], normal[rows] = wall.meet(time[rows], x[rows], self.radius[a[rows]])
+        for w, free in enumerate(self.free_walls):
+            rows = np.flatnonzero(b == self.balls + w)
+            gap[rows], normal[rows] = free.meet(x[rows], y[rows], self.radius[a[rows]])
         return gap, normal
 
     def frame_place(self, frame: int, *bodies: int) -> Place:
@@ -308,7 +373,7 @@ class Run:
     @cached_property
     def held_apart(self) -> HeldApart:
         """Pairs of balls that joints keep from meeting."""
-        return held_apart(self.joints, self.radius)
+        return held_apart(self.joints, self.radius[: self.balls])
 
     @cached_property
     def jointed(self) -> Bool:
@@ -338,7 +403,7 @@ class Run:
             best += np.sqrt(2.0 * self.steps["energy_kinetic"].max(initial=0.0) / self.mass)
         size = max(1, 1_000_000 // self.bodies)
         for first in range(0, self.frames, size):
-            v = np.nan_to_num(np.asarray(self.result.velocity[first : first + size]))
+            v = np.nan_to_num(self.state(slice(first, first + size))[1])
             best = np.maximum(best, norm(v).max(axis=0))
         return best
 
@@ -348,23 +413,23 @@ class Run:
         best = np.zeros(self.bodies)
         size = max(1, 1_000_000 // self.bodies)
         for first in range(1, self.frames, size):
-            v = np.nan_to_num(np.asarray(self.result.velocity[first : first + size]))
+            v = np.nan_to_num(self.state(slice(first, first + size))[1])
             best = np.maximum(best, norm(v).max(axis=0))
         return best
 
     @cached_property
     def top_wall_speeds(self) -> F64:
         """(W, N) largest speed of each moving wall at the place of each body at any frame, m/s."""
-        best = np.zeros((self.given_walls, self.bodies))
-        size = max(1, 1_000_000 // self.bodies)
+        best = np.zeros((self.given_walls, self.balls))
+        size = max(1, 1_000_000 // self.balls)
         for first in range(0, self.frames, size):
             x = np.asarray(self.result.position[first : first + size])
-            time = np.repeat(self.time[first : first + size], self.bodies)
+            time = np.repeat(self.time[first : first + size], self.balls)
             for w, wall in enumerate(self.walls[: self.given_walls]):
                 if wall.travels:
                     for end in (False, True):
                         speed = np.nan_to_num(norm(wall.velocity(time, x.reshape(-1, 3), end=end)[0]))
-                        best[w] = np.maximum(best[w], speed.reshape(-1, self.bodies).max(axis=0))
+                        best[w] = np.maximum(best[w], speed.reshape(-1, self.balls).max(axis=0))
         return best
 
     @cached_property

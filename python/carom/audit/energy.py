@@ -19,11 +19,11 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.audit import answers, cohesion, groups, reactions
-from carom.audit.block import Block, once
+from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
 from carom.audit.forces import pushes, speeds, together
-from carom.audit.loads import of_loads, remembered
+from carom.audit.loads import impulses, of_loads, remembered
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
@@ -48,8 +48,8 @@ def scale(block: Block) -> F64:
 def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
     """Potential energy at the second frame, (B,), J, and the rounding of that of springs; None where no frame tells it."""
     run, rounding = block.run, np.zeros(block.count)
-    present = np.asarray(run.result.present[block.first : block.first + block.count])
-    found = -np.where(present, run.mass * (np.nan_to_num(block.x1) @ run.gravity), 0.0).sum(axis=1)
+    present = run.present(slice(block.first, block.first + block.count))
+    found = -np.where(present, run.mass * dot(np.nan_to_num(block.x1), run.falls), 0.0).sum(axis=1)
     if run.method == "penalty":
         if run.options["penalty_friction"] == "spring":
             return None
@@ -133,18 +133,17 @@ def _balance(block: Block, tally: Tally) -> None:
         return np.asarray(0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)))
 
     change = energy(block.v1, block.w1) - energy(block.v0, block.w0)
-    change = change - run.mass * ((block.x1 - block.x0) @ run.gravity)
+    change = change - run.mass * dot(block.x1 - block.x0, run.falls)
     for load in run.loads:
         if load["kind"] == "spring":
             ends = [_spring(load, x, q)[0] for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
-    work, ball = c.work.sum(axis=1), (c.b < run.bodies)[:, None]
-    lift = np.where(ball, 0.0, c.position_impulse) @ run.gravity  # of a pair both parts cancel
+    work = c.work.sum(axis=1)
+    lift = _lifted(run, c, c.position_impulse)
     if run.method == "moreau":
-        lift = lift + 0.5 * run.h * (np.where(ball, 0.0, c.impulse) @ run.gravity)
-        change = change + (float(run.options["theta"]) - 0.5) * run.h * run.mass * (
-            (block.v1 - block.v0) @ run.gravity
-        )
+        lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
+        gained = run.mass * dot(block.v1 - block.v0, run.falls)
+        change = change + (float(run.options["theta"]) - 0.5) * run.h * gained
     value = summed(change, lift - work)
     outer = np.divmod(label[:, -1], run.bodies + 1)
     # What the steps have of the whole, less all other groups, is the outer one's.
@@ -157,7 +156,7 @@ def _balance(block: Block, tally: Tally) -> None:
     exchanged = given[0] + given[1] - given[2]
     total = whole - exchanged + np.bincount(c.k, lift - work, minlength=block.count)
     if run.method == "moreau":
-        gained = np.where(block.there, run.mass * ((block.v1 - block.v0) @ run.gravity), 0.0)
+        gained = np.where(block.there, run.mass * dot(block.v1 - block.v0, run.falls), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     attracted, unsure = _attracted(block)
     total = total - attracted
@@ -200,6 +199,17 @@ def _balance(block: Block, tally: Tally) -> None:
     tally.measure("energy balance", np.abs(value[judged]), bound[judged], place)
 
 
+def _lifted(run: Run, c: Rows, given: F64) -> F64:
+    """(K,) what gravity does on the ways that impulses (K, 3) of contacts give, per mass: both parts of a pair of balls
+    cancel, walls that are not free take nothing, free ones along their normals.
+    """
+    of_a = np.where((c.b < run.balls)[:, None], 0.0, given) @ run.gravity
+    free = np.flatnonzero(run.is_free_wall(c.b))
+    if free.size:
+        of_a[free] -= dot(run.taken(c.b[free], given[free]), run.falls[c.b[free]])
+    return np.asarray(of_a)
+
+
 def _attracted(block: Block) -> tuple[F64, F64]:
     """(B,) by how much the energy of whole steps changes by cohesion, whose force is that of a way without contacts, and how
     far that may be off, J: its work by the velocities before and after, its potential, and the work of moving walls by it.
@@ -240,7 +250,7 @@ def _once_step(block: Block) -> F64:
 
 def _sizes(run: Run, x: F64, v: F64, w: F64) -> F64:
     """(B, N) sums of the absolute energies of each body, J."""
-    height = np.abs(x) @ np.abs(run.gravity)
+    height = dot(np.abs(x), np.abs(run.falls))
     return np.asarray(run.mass * (dot(v, v) + height) + run.inertia * dot(w, w))
 
 
@@ -265,11 +275,10 @@ def _forced(block: Block) -> F64:
 
 def _at_start(run: Run) -> tuple[float, float]:
     """Kinetic energy, and that of the weight and of springs, at the first frame of the run, J."""
-    r = run.result
-    x, v, w, q = (np.asarray(c[0]) for c in (r.position, r.velocity, r.angular_velocity, r.orientation))
-    here = np.asarray(run.result.present[0])
+    x, v, w, q = (of[0] for of in run.state(slice(0, 1)))
+    here = run.present(slice(0, 1))[0]
     motion = 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w))
-    height = -run.mass * (np.nan_to_num(x) @ run.gravity)
+    height = -run.mass * dot(np.nan_to_num(x), run.falls)
     springs = sum(
         float(_spring(load, x[None], q[None])[0][0]) for load in run.loads if load["kind"] == "spring"
     )
@@ -334,7 +343,7 @@ def rises(run: Run, tally: Tally) -> None:
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
-    bound = bound + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
+    bound = bound + _pressed(run, motion) + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
@@ -354,6 +363,34 @@ def _answered(run: Run) -> F64:
         found = found + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
     if run.joints:
         found = found + reactions.unsteady(run)
+    return found
+
+
+def _pressed(run: Run, motion: F64) -> F64:
+    """(S,) by how much the work of the forces on free walls may be off, J, for kinetic energies `motion` of the steps: it is
+    recorded by the velocities at both ends of a step, of which contacts gave a part after the force had acted.
+    """
+    found, s = np.zeros(len(motion)), run.steps
+    for load in run.loads:
+        body = int(load.get("body", -1))
+        if load["kind"] != "force" or body < run.balls:
+            continue
+        impulse = norm(impulses(run, load)[:, :3])
+        fastest = np.sqrt(2.0 * motion / run.mass[body])
+        jump = 2.0 * fastest + (impulse + float(norm(run.gravity)) * run.h * run.mass[body]) / run.mass[body]
+        known = _changes(run, body)
+        jump = np.where(np.isnan(known), jump, np.minimum(known + impulse / run.mass[body], jump))
+        met = (s["contacts"] > 0) | (s["impact_problems"] > 0) | run.cut
+        found += np.where(met, impulse * jump, 0.0)
+    return found
+
+
+def _changes(run: Run, body: int) -> F64:
+    """(S,) by how much the velocity of a free wall changes in each step, m/s; not a number where frames do not tell it."""
+    found = np.full(len(run.steps["step"]), np.nan)
+    v = np.asarray(run.result._segments.column("frames", "free_walls")[:, body - run.balls, 1])
+    single = np.flatnonzero(np.diff(run.step) == 1)
+    found[run.step[single]] = np.abs(v[single + 1] - v[single])
     return found
 
 

@@ -27,7 +27,7 @@ def judge(run: Run, tally: Tally) -> None:
     events, inflows = run.result.events, run.model.get("inflow") or ()
     if not (inflows or run.model.get("outlet") or len(events)):
         return
-    here = np.ones(run.bodies, dtype=bool)
+    here = np.ones(run.balls, dtype=bool)
     for flow in inflows:
         first, count = flow["bodies"]
         here[first : first + count] = False
@@ -63,7 +63,8 @@ def of_frames(block: Block, tally: Tally) -> None:
     free = ~run.answering
     free[[load["body"] for load in run.loads if load["kind"] == "force"]] = False
     free &= not run.cohesive
-    present = np.asarray(run.result.present[block.first - 1 : block.first + block.count])
+    free[run.balls :] = False  # free walls neither enter nor leave
+    present = run.present(slice(block.first - 1, block.first + block.count))
     here = present[1:] & free
     if not (outlets or inflows):
         return

@@ -67,18 +67,19 @@ def of_contacts(block: Block) -> Sums:
     """Sums of the recorded contacts of a block."""
     c, run = block.rows, block.run
     shape = (block.count, run.bodies)
-    reach = np.append(run.radius, 0.0)
+    reach = run.reach
     start = block.start[1]
     both = split(c.impulse, c.normal, start)
     pushed = _projected(block)
     frame = (block.end[1], block.end[1]) if run.method == "moreau" else (c.normal, start)
     shifted = split(pushed, *frame)
+    turned_too = (c.b < run.balls)[:, None]
     angle = turn(block)
     spread = np.where(block.single[c.k] | (angle == 0.0), 0.0, np.maximum(angle, norm(c.normal - start)))
     spread = np.maximum(spread, loads_once.unsure(block, 1))
 
     def collect(of_a: F64, of_b: F64) -> F64:
-        """Adds what a row gives to its bodies; walls take nothing."""
+        """Adds what a row gives to its bodies; walls that are not free take nothing."""
         out = np.zeros((*shape, *of_a.shape[1:]))
         add_at(out, (c.k, c.a), of_a)
         ball = c.b < run.bodies
@@ -86,15 +87,14 @@ def of_contacts(block: Block) -> Sums:
         return out
 
     def moment(arm: F64, own: F64) -> F64:
-        return collect(
-            own - reach[c.a][:, None] * arm, -own - reach[np.minimum(c.b, run.bodies)][:, None] * arm
-        )
+        of_b = -own - reach[np.minimum(c.b, run.bodies)][:, None] * arm
+        return collect(own - reach[c.a][:, None] * arm, np.where(turned_too, of_b, 0.0))
 
     def moments(parts: tuple[Split, Split], own: F64) -> tuple[F64, F64]:
         first, second = (moment(cross(s.lever, s.sliding), own) for s in parts)
         return first, second
 
-    shift = collect(pushed, -pushed)
+    shift = collect(pushed, -run.taken(c.b, pushed))
     turned_by, shifted_by = moments(both, c.moment), moments(shifted, c.position_moment)
     unknown, again = np.zeros((2, len(c)))
     if run.loads_once:
@@ -106,7 +106,7 @@ def of_contacts(block: Block) -> Sums:
     ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]
     couple = norm(c.moment)
     return Sums(
-        impulse=collect(c.impulse, -c.impulse),
+        impulse=collect(c.impulse, -run.taken(c.b, c.impulse)),
         size=collect(size, size),
         moments=turned_by,
         moment_size=collect(ra * size + couple, rb * size + couple),
@@ -213,6 +213,7 @@ def curvature(block: Block) -> F64:
     """(K,) by how much the normal of each recorded contact turns on the way of its bodies, 1/m; 0 at flat walls."""
     c, run = block.rows, block.run
     curvature = 1.0 / (run.radius[c.a] + run.radius[np.minimum(c.b, run.bodies - 1)])
+    curvature[run.is_free_wall(c.b)] = 0.0
     for k in np.unique(c.b[c.b >= run.bodies]):
         curvature[c.b == k] = run.walls[k - run.bodies].curvature
     return np.asarray(curvature)

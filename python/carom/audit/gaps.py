@@ -85,7 +85,7 @@ def complementarity(block: Block, tally: Tally) -> None:
         pushed = norm(c.impulse) > 0.0
         gap = np.where(single & pushed, _middle(block)[0], gap)
     ball = np.minimum(c.b, run.bodies - 1)
-    length = np.minimum(run.radius[c.a], np.where(c.b < run.bodies, run.radius[ball], np.inf))
+    length = np.minimum(run.radius[c.a], run.length[np.minimum(c.b, run.bodies)])
     way = 2.0 * forces.together(block, forces.speeds(block)) * block.dt[c.k]
     for w, wall in enumerate(run.walls):
         mine = c.b == run.bodies + w
@@ -144,7 +144,7 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             block.count,
         )
         return
-    length = np.minimum(run.radius[near.a], np.append(run.radius, np.inf)[np.minimum(near.b, run.bodies)])
+    length = np.minimum(run.radius[near.a], run.length[np.minimum(near.b, run.bodies)])
     rows = np.flatnonzero(near.gap1 <= 0.5 * run.loosest["touching_tolerance"] * length)
     if not rows.size:
         return
@@ -157,8 +157,13 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     if (
         not run.has_contacts
     ):  # what the solver may leave of impulses is not known, but of what the bodies lost
-        change = norm(block.v1 - block.v0 - run.gravity * block.dt[:, None, None])
+        change = norm(block.v1 - block.v0 - run.falls * block.dt[:, None, None])
         left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
+        if run.free_walls:  # of which one may be far heavier than the balls that it presses
+            pushed = run.mass[:, None] * (block.v1 - block.v0 - run.falls * block.dt[:, None, None])
+            pushed = norm(pushed - of_loads(block).impulse[..., :3])
+            given = 8.0 * (block.tolerance * np.sqrt(np.nansum(pushed**2, axis=1)))[k]
+            left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
     bound = closing(block, k, a, b) + left + 64.0 * EPS * fastest[k]
     tally.measure("approach", np.maximum(0.0, -found.normal), bound,
                   lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip

@@ -43,7 +43,12 @@ _KINDS = (
         f"{_SOLVER}; over several steps the way that the impulses of the interval allow",
     ),
     Kind("rotation", "orientations turn as angular velocities and impulses say", "rad", "as of positions"),
-    Kind("momentum", "m (v' - v) is the sum of the recorded impulses, weight and loads", "N s", _ROUNDING),
+    Kind(
+        "momentum",
+        "m (v' - v) is the sum of the recorded impulses, weight and loads, of free walls along their normals",
+        "N s",
+        _ROUNDING,
+    ),
     Kind(
         "spin",
         "I (w' - w) is the sum of their moments",

@@ -15,7 +15,7 @@ from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
 from carom.audit.forces import curvature, of_contacts, pushes, shifts, strokes, together
 from carom.audit.formula import law
-from carom.audit.vectors import cross, dot, norm, rotated, unit
+from carom.audit.vectors import EPS, cross, dot, norm, rotated, unit
 
 
 @dataclass
@@ -88,8 +88,10 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
     # A force may turn back within a step: where it is as large at both ends it has varied all the same.
     inner = _at_steps(run, (*load["force"], *load["torque"]), PARTS_OF_STEP)
     change = np.abs(np.diff(inner, axis=0)).reshape(-1, PARTS_OF_STEP, 6).sum(axis=1)
-    # A step in parts runs the filter in parts, which later steps remember.
-    loose = remembered(run, change * (run.cut | run.divides)[:, None]) * run.h
+    # A step in parts runs the filter in parts, and hands on another end of it: that of the last step whole.
+    parted = change * (run.cut | run.divides)[:, None]
+    echo = np.concatenate([np.zeros((1, 6)), parted[:-1]])
+    loose = remembered(run, parted + echo + _argument(run, (*load["force"], *load["torque"]))) * run.h
     for j in range(6):
         out.impulse[:, body, j] += block.total(impulse[:, j])
         out.spread[:, body, j // 3] += block.total(np.abs(impulse[:, j]))
@@ -122,7 +124,30 @@ def _at_steps(run: Run, forms: tuple[Any, ...], parts: int = 1) -> F64:
     if parts > 1:
         shares = np.arange(parts) / parts
         time = np.append((time[:-1, None] + np.diff(time)[:, None] * shares).ravel(), time[-1])
-    return np.stack([law(form, time)[0] for form in forms], axis=1)
+    return np.stack([_value(form, time) for form in forms], axis=1)
+
+
+def _argument(run: Run, forms: tuple[Any, ...]) -> F64:
+    """(S, 6) by how much forces differ for a rounding of the time at which they are taken."""
+    end = run.steps["time"]
+    slopes = [
+        np.abs(form[1][0] * law(form[1][1], end)[1] if form[0] == "times" else law(form, end)[1])
+        for form in forms
+    ]
+    return np.asarray(4.0 * EPS * end[:, None] * np.nan_to_num(np.stack(slopes, axis=1)))
+
+
+def _value(form: Any, time: F64) -> F64:
+    """A law at some times, or ("times", (factor, law))."""
+    if form[0] == "times":
+        factor, of = form[1]
+        return np.asarray(factor * law(of, time)[0])
+    return law(form, time)[0]
+
+
+def impulses(run: Run, load: dict[str, Any]) -> F64:
+    """(S, 6) impulses of a force and torque in each step, N s and N m s."""
+    return _filtered(run, (*load["force"], *load["torque"]))[0]
 
 
 def _filtered(run: Run, forms: tuple[Any, ...]) -> tuple[F64, F64]:
@@ -365,7 +390,7 @@ def solved_again(block: Block) -> F64:
     if not run.loads_once:
         return np.zeros(block.count)
     dt = block.dt[:, None, None]
-    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.gravity)
+    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.falls)
     pulled = norm(on_bodies(block)[0])
     if run.cohesive:  # what it pulls in contacts push out again
         moved = np.maximum(moved, norm(of_contacts(block).shift) / run.mass)
@@ -374,7 +399,12 @@ def solved_again(block: Block) -> F64:
     )
     way = together(block, moved)
     turned = np.minimum(way * curvature(block), 1.0)
-    each = turned * together(block, run.mass * (fast + run.h * norm(run.gravity)) + pulled)
+    momenta = run.mass * (fast + run.h * norm(run.gravity)) + pulled
+    each = turned * together(block, momenta)
+    if run.free_walls:  # what a heavy wall brings goes on from ball to ball
+        walls = slice(run.balls, None)
+        brought = momenta[:, walls] + of_loads(block).spread[:, walls, 0]
+        each += turned * brought.sum(axis=1)[c.k]
     for k in np.unique(c.b[c.b >= run.bodies]):
         rows = np.flatnonzero(c.b == k)
         turning = run.walls[k - run.bodies].turning(block.t1[c.k[rows]])

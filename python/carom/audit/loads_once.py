@@ -20,6 +20,7 @@ from carom.arrays import F64, I64, Bool
 from carom.audit import groups, hits
 from carom.audit.block import Block, once
 from carom.audit.data import Run
+from carom.audit.formula import law
 from carom.audit.vectors import add_at, cross, dot, norm, unit
 
 #: Share of a position impulse above which its normal part is one: frames turn within the step, and lend it less of friction.
@@ -197,8 +198,19 @@ def unknown_across(block: Block, shift: F64) -> F64:
     by_loads = norm(c.impulse) + run.mass[c.a] * (
         norm(run.gravity) * run.h + norm(block.v1 - block.v0)[c.k, c.a]
     )
+    by_loads = by_loads + _through(block)[c.k]
     size = 0.5 * run.h * by_loads * norm(unit(first + then) - c.normal)
     return np.where(holds_gap(block, shift), 0.0, size)
+
+
+def _through(block: Block) -> F64:
+    """(B,) N s at most that free walls press on through balls in a step: their forces, their weights, and what they lost."""
+    run, found = block.run, np.zeros(block.count)
+    for w, wall in enumerate(run.free_walls):
+        force = np.maximum(*(np.abs(law(wall.force, time)[0]) for time in (block.t0, block.t1)))
+        lost = norm(block.v1 - block.v0)[:, run.balls + w]
+        found += run.h * force + wall.mass * (run.h * float(norm(run.gravity)) + lost)
+    return found
 
 
 def solved_at(block: Block, shift: F64) -> tuple[F64, F64]:

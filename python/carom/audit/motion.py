@@ -15,9 +15,11 @@ rounding.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from carom.arrays import F64, Bool
+from carom.arrays import F64, I64, Bool
 from carom.audit import answers, forces
 from carom.audit.block import Block
 from carom.audit.cohesion import pulls
@@ -25,7 +27,7 @@ from carom.audit.cones import PARTS
 from carom.audit.corrections import groups
 from carom.audit.forces import Sums
 from carom.audit.loads import Loads, memory, of_loads, solved_again
-from carom.audit.report import Tally
+from carom.audit.report import Place, Tally
 from carom.audit.vectors import (
     EPS,
     add_at,
@@ -59,9 +61,14 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         known &= block.kept[:, None] | free
     else:
         free = _untouched(block, free)
+        of_walls = _momentum_of_walls(block, tally, loads, known)
         for kind in ("momentum", "spin", "position", "rotation"):
-            tally.skip(kind, CONTACTS, RECORD, int((known & ~free).sum()))
+            unseen = known & ~free
+            if kind != "position":
+                unseen[:, run.balls :] &= ~of_walls & (kind == "momentum")
+            tally.skip(kind, CONTACTS, RECORD, int(unseen.sum()))
         known &= free
+        known[:, run.balls :] &= ~of_walls
     hidden = np.nonzero(block.there & loads.unknown)[0]
     if run.opaque:
         cure = "judge the run with a load that a scenario can hold"
@@ -71,7 +78,8 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
     _momentum(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
     touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
-    _spin(block, tally, sums, loads, known, touched)
+    turning = known & (np.arange(run.bodies) < run.balls)  # nothing turns a free wall
+    _spin(block, tally, sums, loads, turning, touched)
     ways, way_bound = _position(block, tally, sums, loads, touched)
     turns, turn_bound = _rotation(block, sums, loads, touched)
     bound = np.stack([way_bound, turn_bound], axis=-1)
@@ -81,7 +89,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
     ]
     for k, kind in enumerate(("position", "rotation")):
         value = np.minimum(*(norm(off[..., 3 * k : 3 * k + 3]) for off, _ in found))
-        _take(block, tally, kind, value, found[0][1][..., k], known)
+        _take(block, tally, kind, value, found[0][1][..., k], turning if kind == "rotation" else known)
 
 
 def _untouched(block: Block, free: Bool) -> Bool:
@@ -121,11 +129,44 @@ def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: 
 def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) -> None:
     run = block.run
     m = run.mass[:, None]
-    weight = m * run.gravity * block.dt[:, None, None]
+    weight = m * run.falls * block.dt[:, None, None]
     given = loads.impulse[..., :3]
     value = norm(m * (block.v1 - block.v0) - weight - given - s.impulse)
     size = m[:, 0] * (norm(block.v0) + norm(block.v1)) + norm(weight) + norm(given) + s.size
     _take(block, tally, "momentum", value, _rounding(block) * size + loads.slack[..., 0], known)
+
+
+def _recorded_on_walls(block: Block) -> F64 | None:
+    """(B, W, 6) what contacts gave all walls in each interval, N s and N m s; None where it was not recorded."""
+    segments = block.run.result._segments
+    if "walls" not in segments.columns("frames"):
+        return None
+    return np.asarray(segments.column("frames", "walls")[block.first : block.first + block.count])
+
+
+def _places(block: Block, k: I64, body: int) -> Callable[[int], Place]:
+    """Places of a body at the ends of the intervals `k`."""
+    return lambda i: block.place(int(k[i]), body)
+
+
+def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) -> Bool:
+    """Without recorded contacts: the momentum of each free wall, from the impulse on it. (B, F) where it was judged."""
+    run, given = block.run, _recorded_on_walls(block)
+    if given is None or not run.free_walls:
+        return np.zeros((block.count, len(run.free_walls)), dtype=bool)
+    judged = known[:, run.balls :] & block.kept[:, None]
+    for w, wall in enumerate(run.free_walls):
+        body, m = run.balls + w, wall.mass
+        speeds = block.v0[:, body] @ wall.normal, block.v1[:, body] @ wall.normal
+        of_contacts = given[:, w, :3] @ wall.normal
+        of_load = loads.impulse[:, body, :3] @ wall.normal
+        weight = m * float(run.falls[body] @ wall.normal) * block.dt
+        value = np.abs(m * (speeds[1] - speeds[0]) - weight - of_load - of_contacts)
+        size = m * (np.abs(speeds[0]) + np.abs(speeds[1])) + np.abs(weight) + loads.spread[:, body, 0]
+        bound = _rounding(block)[:, body] * (size + norm(given[:, w, :3])) + loads.slack[:, body, 0]
+        rows = np.flatnonzero(judged[:, w])
+        tally.measure("momentum", value[rows], bound[rows], _places(block, rows, body))
+    return judged
 
 
 def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touched: Bool) -> None:
@@ -144,7 +185,7 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touche
 def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) -> tuple[F64, F64]:
     """(B, N, 3) by how much centres are off, m, and may be, (B, N)."""
     run = block.run
-    dt, g = block.dt[:, None, None], run.gravity
+    dt, g = block.dt[:, None, None], run.falls
     smooth = loads.shift[..., :3]
     moreau = run.method == "moreau"
     theta = float(run.options["theta"])
@@ -209,21 +250,18 @@ def walls(block: Block, tally: Tally) -> None:
     Bound: rounding of sums of as many terms as there are steps and contacts.
     """
     run, c = block.run, block.rows
-    if not run.walls:
+    if not run.walls and not run.free_walls:
         return
-    if "walls" not in run.result._segments.columns("frames"):
+    given = _recorded_on_walls(block)
+    if given is None:
         tally.skip("wall impulse", "impulses on walls were not recorded", "walls = true in [record]")
         return
-    given = np.asarray(
-        run.result._segments.column("frames", "walls")[block.first : block.first + block.count]
-    )
     if not run.has_contacts:
         _whole_momentum(block, tally, given)
         return
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
-    rows = c.b >= run.bodies
-    owner = np.array(run.parts.owner, dtype=np.int64)
-    at = (c.k[rows], owner[c.b[rows] - run.bodies])
+    rows = c.b >= run.balls
+    at = (c.k[rows], run.wall_number(c.b[rows]))
     add_at(summed, at, -c.impulse[rows])
     add_at(size, at, norm(c.impulse[rows]))
     known = np.ones(block.count, dtype=bool)
@@ -231,8 +269,8 @@ def walls(block: Block, tally: Tally) -> None:
         known = block.single
         block.skip(tally, "wall impulse", "cohesion: " + PARTS, np.flatnonzero(~known))
         pairs, _, impulse, slack = pulls(block)
-        pulled = pairs.b >= run.bodies
-        at = (pairs.k[pulled], owner[pairs.b[pulled] - run.bodies])
+        pulled = pairs.b >= run.balls
+        at = (pairs.k[pulled], run.wall_number(pairs.b[pulled]))
         add_at(summed, at, -impulse[pulled])
         add_at(size, at, norm(impulse[pulled]) + slack[pulled] / EPS)
     value = norm(given[..., :3] - summed)
@@ -245,7 +283,7 @@ def walls(block: Block, tally: Tally) -> None:
     count = given.shape[1]
     kept = np.flatnonzero(np.broadcast_to((block.kept & known)[:, None], value.shape))
     tally.measure("wall impulse", value.ravel()[kept], bound.ravel()[kept],
-                  lambda i: block.place(int(kept[i]) // count, run.bodies + int(kept[i]) % count))  # fmt: skip
+                  lambda i: block.place(int(kept[i]) // count, run.balls + int(kept[i]) % count))  # fmt: skip
     _wall_moments(block, tally, given, rows)
 
 
@@ -260,15 +298,13 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
         block.skip(tally, "wall moment", PARTS, np.flatnonzero(~judged))
     else:
         tally.skip("wall moment", f"contacts move within the step of {run.method}", "use nsga", block.count)
-    k, a, b = c.k[rows], c.a[rows], c.b[rows] - run.bodies
+    k, a, b = c.k[rows], c.a[rows], run.wall_number(c.b[rows])
     lever = np.zeros((len(k), 3))
-    for w in range(len(run.walls)):
-        mine = b == w
-        place = run.walls[run.parts.owner[w]].place(block.t1[k[mine]])
-        lever[mine] = run.between(block.x1[k[mine], a[mine]], place)
+    for w in range(given.shape[1]):
+        mine = np.flatnonzero(b == w)
+        lever[mine] = run.between(block.x1[k[mine], a[mine]], _place_of(block, w, k[mine]))
     lever = lever - run.radius[a][:, None] * c.normal[rows]
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
-    b = np.array(run.parts.owner, dtype=np.int64)[b]
     add_at(summed, (k, b), -cross(lever, c.impulse[rows]) - c.moment[rows])
     extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
     add_at(size, (k, b), extent * norm(c.impulse[rows]) + norm(c.moment[rows]))
@@ -278,35 +314,43 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     count = given.shape[1]
     kept = np.flatnonzero(np.broadcast_to(judged[:, None], value.shape))
     tally.measure("wall moment", value.ravel()[kept], bound.ravel()[kept],
-                  lambda i: block.place(int(kept[i]) // count, run.bodies + int(kept[i]) % count))  # fmt: skip
+                  lambda i: block.place(int(kept[i]) // count, run.balls + int(kept[i]) % count))  # fmt: skip
+
+
+def _place_of(block: Block, w: int, k: I64) -> F64:
+    """(K, 3) where the point of given wall `w` is at the second frames of the intervals `k`."""
+    run, free = block.run, len(block.run.free_walls)
+    if w < free:
+        return np.asarray(run.free_walls[w].point + block.x1[k, run.balls + w])
+    return run.walls[w - free].place(block.t1[k])
 
 
 def _pulled_moments(block: Block, summed: F64, size: F64) -> None:
     """Adds the moments of cohesion on walls, and their sizes: as those of contacts, at the end."""
     run, (pairs, along, impulse, slack) = block.run, pulls(block)
-    owner = np.array(run.parts.owner, dtype=np.int64)
-    for w in range(len(run.walls)):
-        mine = np.flatnonzero(pairs.b == run.bodies + w)
+    number = np.where(pairs.b >= run.balls, run.wall_number(pairs.b), -1)
+    for w in range(summed.shape[1]):
+        mine = np.flatnonzero(number == w)
         k, a = pairs.k[mine], pairs.a[mine]
-        x, place = block.x1[k, a], run.walls[owner[w]].place(block.t1[k])
+        x, place = block.x1[k, a], _place_of(block, w, k)
         lever = run.between(x, place) - run.radius[a][:, None] * along[mine]
         extent = norm(lever) + norm(x) + run.radius[a]
-        at = (k, np.full(len(mine), owner[w]))
+        at = (k, np.full(len(mine), w))
         add_at(summed, at, -cross(lever, impulse[mine]))
         add_at(size, at, extent * (norm(impulse[mine]) + slack[mine] / EPS))
 
 
 def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
-    """Without contacts: the momentum of all bodies together changes by weight and by the impulses on the walls."""
+    """Without contacts: the momentum of all balls together changes by weight and by the impulses on the walls."""
     run = block.run
-    judged = block.there.all(axis=1) & block.kept & (not run.loads and not run.joints)
+    judged = block.there.all(axis=1) & block.kept & (not run.loads_on_balls and not run.joints)
     tally.skip(
         "wall impulse", "momentum as a whole: bodies come and go, or loads act", RECORD, int((~judged).sum())
     )
-    m = run.mass[:, None]
-    weight = run.mass.sum() * run.gravity * block.dt[:, None]
-    value = norm((m * (block.v1 - block.v0)).sum(axis=1) - weight + given[..., :3].sum(axis=1))
-    size = (run.mass * (norm(block.v0) + norm(block.v1))).sum(axis=1) + norm(given[..., :3]).sum(axis=1)
+    mass, (v0, v1) = run.mass[: run.balls], (v[:, : run.balls] for v in (block.v0, block.v1))
+    weight = mass.sum() * run.gravity * block.dt[:, None]
+    value = norm((mass[:, None] * (v1 - v0)).sum(axis=1) - weight + given[..., :3].sum(axis=1))
+    size = (mass * (norm(v0) + norm(v1))).sum(axis=1) + norm(given[..., :3]).sum(axis=1)
     bound = EPS * (16.0 + 2.0 * block.updates) * (size + norm(weight)) * np.sqrt(run.bodies)
     kept = np.flatnonzero(judged)
     tally.measure("wall impulse", value[kept], bound[kept], lambda i: block.place(int(kept[i])))

@@ -14,6 +14,7 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
+from carom.audit.loads import of_loads
 from carom.audit.rates import compliance
 from carom.audit.vectors import norm
 from carom.scene.packing.neighbours import pairs as neighbours
@@ -45,6 +46,10 @@ def near(block: Block) -> Near:
     travelled = norm(block.x1 - block.x0)
     fast = np.maximum(norm(block.v0), norm(block.v1)) * block.dt[:, None]
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
+    if run.free_walls:  # light ones are pushed farther by their forces than any ball falls
+        free_walls = slice(run.balls, None)
+        gained = of_loads(block).spread[:, free_walls, 0] / run.mass[free_walls]
+        possible[:, free_walls] += gained * block.dt[:, None]
     longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
     balls, walls = _balls(block, way), _walls(block, way)
@@ -65,7 +70,7 @@ def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
     run = block.run
     reach = run.radius * (1.0 + MARGIN) + way
     if run.bodies <= ALL_PAIRS:
-        a, b = np.triu_indices(run.bodies, 1)
+        a, b = np.triu_indices(run.balls, 1)
         d = run.between(block.x0[:, a].reshape(-1, 3), block.x0[:, b].reshape(-1, 3)).reshape(
             block.count, -1, 3
         )
@@ -76,7 +81,7 @@ def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
         return _free(block, way, k, a[pair], b[pair])
     found = []
     for interval in range(block.count):
-        here = np.flatnonzero(block.there[interval])
+        here = np.flatnonzero(block.there[interval, : run.balls])
         first, second = neighbours(block.x0[interval, here], reach[interval, here], run.period)
         found.append((np.full(len(first), interval), here[first], here[second]))
     return _free(block, way, *(np.concatenate(part) for part in zip(*found, strict=True)))
@@ -95,7 +100,12 @@ def _free(block: Block, way: F64, k: I64, a: I64, b: I64) -> tuple[I64, I64, I64
 def _walls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
     run = block.run
     found = [(np.zeros(0, np.int64),) * 3 + (np.zeros(0),)]
-    ks, bodies = np.nonzero(block.there)
+    ks, bodies = np.nonzero(block.there[:, : run.balls])
+    for w, free in enumerate(run.free_walls):
+        gap, _ = free.meet(block.x0[ks, bodies], block.x0[ks, run.balls + w], run.radius[bodies])
+        reach = way[ks, bodies] + way[ks, run.balls + w]
+        close = gap <= reach + MARGIN * run.radius[bodies]
+        found.append((ks[close], bodies[close], np.full(int(close.sum()), run.balls + w), reach[close]))
     for w, wall in enumerate(run.walls[: run.given_walls]):
         if wall.mesh is not None:
             found.append(_parts(block, w, way))
@@ -116,7 +126,7 @@ def _walls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
 def _parts(block: Block, w: int, way: F64) -> tuple[I64, I64, I64, F64]:
     """What of a mesh is near a ball at the end of the interval."""
     run, wall = block.run, block.run.walls[w]
-    ks, bodies = np.nonzero(block.there & np.isfinite(block.x1).all(axis=2))
+    ks, bodies = np.nonzero((block.there & np.isfinite(block.x1).all(axis=2))[:, : run.balls])
     radius = run.radius[bodies]
     x = wall.local(block.t1[ks], block.x1[ks, bodies])
     row, part = run.parts.near(w, x, radius * (1.0 + MARGIN))
@@ -138,7 +148,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of the run; twice the indentation under the
     whole weight comes on top.
     """
-    other = np.append(run.radius, np.inf)[np.minimum(b, run.bodies)]
+    other = run.length[np.minimum(b, run.bodies)]
     r = np.minimum(run.radius[a], other)
     partner = np.where(b < run.bodies, b, a)  # a wall has no place of its own
     extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, partner)))

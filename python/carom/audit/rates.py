@@ -46,7 +46,7 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
     """
     v_a, w_a, v_b, w_b = motion
     wall = p.b >= run.bodies
-    r_a, r_b = run.radius[p.a], np.append(run.radius, 0.0)[np.minimum(p.b, run.bodies)]
+    r_a, r_b = run.radius[p.a], run.reach[np.minimum(p.b, run.bodies)]
     v_b, w_b = (np.where(wall[:, None], 0.0, x) for x in (v_b, w_b))
     through, slipping, turning = v_a - v_b, v_a - v_b, w_a - w_b
     slipping = slipping + cross(lever, r_a[:, None] * w_a + r_b[:, None] * w_b)
@@ -64,8 +64,9 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
 
 def compliance(run: Run, a: I64, b: I64) -> tuple[F64, F64, F64]:
     """(K,) own compliances `D_cc` of the normal, the sliding and the turning rows (algorithm, section 2)."""
-    m, i, r = (np.append(x, y) for x, y in ((run.mass, np.inf), (run.inertia, np.inf), (run.radius, 0.0)))
+    m, i, r = np.append(run.mass, np.inf), np.append(run.inertia, np.inf), run.reach
     other = np.minimum(b, run.bodies)
     normal = 1.0 / m[a] + 1.0 / m[other]
+    across = np.where(run.is_free_wall(b), 1.0 / m[a], normal)  # a guide holds free walls there
     turning = 1.0 / i[a] + 1.0 / i[other]
-    return normal, normal + r[a] ** 2 / i[a] + r[other] ** 2 / i[other], turning
+    return normal, across + r[a] ** 2 / i[a] + r[other] ** 2 / i[other], turning

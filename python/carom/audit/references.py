@@ -44,12 +44,17 @@ def _count(tally: Tally, wrong: Any, dataset: str) -> None:
 def _shapes(run: Run, tally: Tally) -> None:
     """As many bodies, walls and joints as the scenario has."""
     segments = run.result._segments
-    _count(tally, run.bodies != len(run.model["radius"]), "/bodies")
-    _count(tally, len(run.result.wall_names) != run.given_walls, "/planes and /walls")
+    _count(tally, run.balls != len(run.model["radius"]), "/bodies")
+    _count(tally, len(run.result.wall_names) != len(run.free_walls) + run.given_walls, "/planes and /walls")
     columns = segments.columns("frames")
-    for name, wanted in (("joint_impulse", len(run.joints)), ("walls", run.given_walls)):
+    for name, wanted in (
+        ("joint_impulse", len(run.joints)),
+        ("walls", len(run.free_walls) + run.given_walls),
+        ("free_walls", len(run.free_walls)),
+    ):
         if name in columns:
             _count(tally, segments.column("frames", name).shape[1] != wanted, f"/frames/{name}")
+    _count(tally, bool(run.free_walls) and "free_walls" not in columns, "/frames/free_walls")
 
 
 def _frames(run: Run, tally: Tally) -> None:
@@ -69,7 +74,7 @@ def _rows(run: Run, tally: Tally) -> None:
         body = segments.column(table, "body")
         for first in range(0, len(body), ROWS):
             a, b = _whole(body[first : first + ROWS]).reshape(-1, 2).T
-            wrong = (a < 0) | (a >= run.bodies) | (b <= a) | (b >= run.bodies + run.given_walls)
+            wrong = (a < 0) | (a >= run.balls) | (b <= a) | (b >= run.bodies + run.given_walls)
             _count(tally, wrong, f"/{table}/body")
             if table != "impulses":
                 status = _whole(segments.column(table, "status")[first : first + ROWS])
@@ -82,13 +87,13 @@ def _rows(run: Run, tally: Tally) -> None:
     if len(events):
         _count(tally, _disordered(_whole(events["step"]), 0, last), "/events/step")
         who, kind = _whole(events["body"]), _whole(events["kind"])
-        _count(tally, (who < 0) | (who >= run.bodies), "/events/body")
+        _count(tally, (who < 0) | (who >= run.balls), "/events/body")
         _count(tally, (kind != 0) & (kind != 1), "/events/kind")
     changes = run.result.transitions
     if len(changes):
         _count(tally, _disordered(_whole(changes["step"]), 1, last), "/transitions/step")
         who, other = _whole(changes["body"]).T
-        wrong = (who < 0) | (who >= run.bodies) | (other < -1) | (other >= len(run.names))
+        wrong = (who < 0) | (who >= run.balls) | (other < -1) | (other >= len(run.names))
         _count(tally, wrong, "/transitions/body")
         _count(tally, _whole(changes["kind"]) >= len(changes.EVENTS), "/transitions/kind")
         _count(tally, (_whole(changes["mode"]) >= len(changes.MODES)).any(axis=1), "/transitions/mode")

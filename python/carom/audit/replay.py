@@ -29,7 +29,7 @@ from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
-from carom.audit.loads import turned_loads
+from carom.audit.loads import of_loads, turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, across, add_at, cross, dot, norm
@@ -161,6 +161,11 @@ class Replay:
             ),
         )
         self.compliance = compliance(run, r.a, r.b)
+        #: (B,) largest speed that the weight, or the force on a free wall, gives in a step, m/s.
+        self.loads_give = np.full(block.count, float(norm(run.gravity)) * run.h)
+        if run.free_walls:
+            walls = slice(run.balls, None)
+            self.loads_give += (of_loads(block).spread[:, walls, 0] / run.mass[walls]).max(axis=1)
         self.squares = bounds.squares(run, r)
         self.wrench = self._wrenches()
         given = np.flatnonzero(kept | (r.problem > 0))
@@ -291,14 +296,15 @@ class Replay:
         return np.where(acts, run.restitution(index, speed), 0.0) * normal, speed
 
     def _wrenches(self) -> tuple[F64, F64]:
-        """Momenta that each row gives its two bodies, (K, 6); none to walls."""
+        """Momenta that each row gives its two bodies, (K, 6); none to walls that are not free."""
         run, r = self.block.run, self.r
-        reach = np.append(run.radius, 0.0)
+        reach = run.reach
         arm = self.arm
-        ball = (r.b < run.bodies)[:, None]
+        ball, moved = (r.b < run.balls)[:, None], (r.b < run.bodies)[:, None]
         of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
-        of_b = np.hstack([-r.impulse, -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm])
-        return of_a, np.where(ball, of_b, 0.0)
+        turned_by = -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm
+        of_b = np.hstack([-run.taken(r.b, r.impulse), np.where(ball, turned_by, 0.0)])
+        return of_a, np.where(moved, of_b, 0.0)
 
     def _moved(self, rows: slice | I64, *, free: bool = False) -> tuple[I64, F64]:
         """The bodies that some rows move, each once, (M,), and the velocities that the rows give them together, (M, 6);
@@ -346,7 +352,7 @@ class Replay:
             [of[rows] for of in self.compliance],
             self.push[rows],
         )
-        weight = norm(run.gravity) * run.h
+        weight = self.loads_give[r.k]
         scale = self.top[r.k]
         # Speeds follow from recorded impulses without any solver, to rounding of both.
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
@@ -418,7 +424,8 @@ class Replay:
         slip = -(e_t * own[1])[:, None] * np.nan_to_num(sliding)
         spread = np.nan_to_num(self.pressed.gain[rows]) * 2.0 * left
         spread = spread + run.rebound(index, speed, own[0] * spread) / own[0]
-        return least, slip, spread
+        # The safeguard may have taken the expansion back.
+        return r.scale * least, r.scale[:, None] * slip, spread
 
     def _turning(self, rows: slice, left: F64, after: Rates, sure: I64) -> None:
         """Moments of a problem in their bounds, and against the motion after it: these know no restitution."""
@@ -490,8 +497,10 @@ class Replay:
             # Who has given up restitution is not asked whether the loads alone had left less.
             given_up = np.zeros(len(motion), dtype=bool)
             ends = self.at[0], np.where(self.r.b < run.bodies, self.at[1], self.at[0])
+            # By Poisson's law it is the expansion after it that is given up.
+            of_scale = slice(None) if run.impact_law.restitution == "poisson" else rows
             for of in ends:
-                given_up[of[rows][r.scale == 0.0]] = True
+                given_up[of[of_scale][self.r.scale[of_scale] == 0.0]] = True
             asked = ~(given_up[ends[0]] | given_up[ends[1]])
             since = total(self._work_since(rows, motion) * asked[rows])
             since = since - np.bincount(

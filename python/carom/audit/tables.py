@@ -28,7 +28,7 @@ def judge(run: Run, tally: Tally) -> None:
 def frames(block: Block, tally: Tally) -> None:
     """Numbers and quaternions of the second frames of a block."""
     run = block.run
-    here = np.asarray(run.result.present[block.first : block.first + block.count])
+    here = run.present(slice(block.first, block.first + block.count))
     for values in (block.x1, block.v1, block.w1, block.q1):
         wrong = (~np.isfinite(values)).sum(axis=-1) * here
         tally.measure("numbers", wrong, 0.0, block.per_body)
@@ -81,7 +81,7 @@ def _clock(run: Run, tally: Tally) -> None:
 def _scenario(run: Run, tally: Tally) -> None:
     """Bodies are those of the scenario, and the first frame is its start. Decimals of a file are read to one rounding."""
     for name in ("radius", "mass", "inertia"):
-        wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run, name))
+        wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run, name))[: run.balls]
         if wanted.shape != found.shape:
             tally.measure("scenario", [np.inf], 0.0, at(f"/bodies/{name}"))
             return
@@ -93,7 +93,7 @@ def _scenario(run: Run, tally: Tally) -> None:
     for name, found in world:
         given = run.model.get(name)
         _compare(tally, np.zeros(3) if given is None else given, found, f"/ ({name})")
-    _compare(tally, run.names[: run.bodies], run.result.names, "/bodies/name")
+    _compare(tally, run.names[: run.balls], run.result.names, "/bodies/name")
     _compare(tally, run.material, run.result.bodies["material"], "/bodies/material")
     if not run.frames or int(run.step[0]) != 0:
         return
@@ -103,10 +103,15 @@ def _scenario(run: Run, tally: Tally) -> None:
     for name in ("position", "orientation", "velocity", "angular_velocity"):
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run.result, name)[0])
         off = norm(found - wanted) / (
-            norm(wanted) + run.radius * (1.0 if name == "position" else 0.0) + 1e-300
+            norm(wanted) + run.radius[: run.balls] * (1.0 if name == "position" else 0.0) + 1e-300
         )
         chosen = np.flatnonzero(present)
         tally.measure("scenario", off[chosen], 8.0 * EPS, _first(run, chosen))
+    if run.free_walls:
+        along = np.asarray(run.result._segments.column("frames", "free_walls")[0])
+        given = np.array([[0.0, wall.velocity] for wall in run.free_walls])
+        off = np.abs(along - given).max(axis=1) / np.maximum(np.abs(given[:, 1]), 1.0)
+        tally.measure("scenario", off, 8.0 * EPS, lambda i: run.frame_place(0, run.balls + i))
 
 
 def _walls(run: Run, tally: Tally) -> None:

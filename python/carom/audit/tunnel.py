@@ -40,7 +40,7 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
 
 def _spheres(block: Block, near: Near, tally: Tally, way: F64) -> None:
     run = block.run
-    rows = np.flatnonzero(near.b < run.bodies)
+    rows = np.flatnonzero(near.b < run.balls)
     k, a, b = near.k[rows], near.a[rows], near.b[rows]
     start = run.between(block.x0[k, a], block.x0[k, b])
     # The same image all the way: periods are four radii at least.

@@ -1,0 +1,83 @@
+"""Free walls: planes with a mass, bodies of the auditor behind the balls, which a guide lets move along their normals alone.
+
+The scheme moves a wall along its normal `n` as it moves a ball. Gravity acts on it as `(g n) n` or not at all, its force as
+any force that depends on the time, and an impulse of a contact with its normal part. Results keep its displacement and its
+velocity in `frames/free_walls`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from carom.arrays import F64, I64
+
+HELD = 1e30
+"""Moment of inertia that stands for the guide, kg m^2: nothing turns a free wall. Smaller: moments of contacts would."""
+
+
+@dataclass(frozen=True)
+class FreeWall:
+    """One of them, as the scenario gives it."""
+
+    normal: F64
+    point: F64
+    """Where it is at the start, m."""
+    mass: float
+    velocity: float
+    """Along the normal at the start, m/s."""
+    weighs: bool
+    force: Any
+    """Along the normal, N, a law of time."""
+    material: int
+
+    def fall(self, gravity: F64) -> F64:
+        """What gravity does to it, (3,), m/s^2."""
+        return float(gravity @ self.normal) * self.normal if self.weighs else np.zeros(3)
+
+    def load(self, body: int) -> list[dict[str, Any]]:
+        """Its force as a load on a body; none where there is no force."""
+        kind, value = self.force
+        if kind == "constant" and float(value) == 0.0:
+            return []
+        along = [("times", (float(share), self.force)) for share in self.normal]
+        return [{"kind": "force", "body": body, "force": along, "torque": [("constant", 0.0)] * 3}]
+
+    def meet(self, x: F64, moved: F64, radius: F64) -> tuple[F64, F64]:
+        """Gap (K,), m, and normal (K, 3) of balls at the places `x` (K, 3), where the wall is moved by `moved` (K, 3)."""
+        gap = (x - moved - self.point) @ self.normal - radius
+        return gap, np.broadcast_to(self.normal, x.shape)
+
+
+def of_model(model: Mapping[str, Any]) -> list[FreeWall]:
+    """Those of a model: the first ones of its planes."""
+    found = []
+    for given in model.get("free_walls", ()):
+        w = int(given["wall"])
+        normal, point = (
+            np.asarray(model[f"plane_{name}"][w], dtype=np.float64) for name in ("normal", "point")
+        )
+        found.append(
+            FreeWall(
+                normal,
+                point,
+                float(given["mass"]),
+                float(given["velocity"]),
+                bool(given["weighs"]),
+                given["force"],
+                int(model["plane_material"][w]),
+            )
+        )
+    return found
+
+
+def taken(walls: list[FreeWall], balls: int, b: I64, given: F64) -> F64:
+    """What bodies `b` (K,) take of impulses (K, 3) that are given to them: free walls the part along their normals."""
+    found = np.array(given, dtype=np.float64)
+    for w, wall in enumerate(walls):
+        rows = np.flatnonzero(b == balls + w)
+        found[rows] = np.outer(given[rows] @ wall.normal, wall.normal)
+    return found
