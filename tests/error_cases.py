@@ -17,6 +17,7 @@ LATTICE = f'[[lattice]]\nname = "{{0}}"\n{SPHERE}counts = [1000, 600, 1]\norigin
 ROD = '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\n'
 MOTION = '[[joint]]\ntype = "motion"\nbody = "cue"\ndirection = [1,0,0]\n'
 WALL = '[[{0}]]\nname = "w"\nmaterial = "cloth"\n'
+FREE_PLANE = WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
 INFLOW = f'[[inflow]]\nname = "in"\n{SPHERE}count = 2\nrate = 1.0\nseed = 1\n'
 FAR = "region = { low = [3,3,3], high = [4,4,4] }\n"
 PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 1\ncount = 2\n'
@@ -45,6 +46,16 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + '[[load]]\non = "in1"\nforce = [0,0,1]\n',
         )
     ],
+    "a free wall is a plane without end, and ... is given": [
+        ("radius", FREE_PLANE + "radius = 1.0\nfree = { mass = 1.0 }\n")
+    ],
+    "both motion and free are given": [
+        ("free", FREE_PLANE + "motion = { until = 1.0 }\nfree = { mass = 1.0 }\n")
+    ],
+    "both force and pressure are given": [
+        ("free.pressure", FREE_PLANE + "free = { mass = 1.0, force = 1.0, pressure = 1.0, area = 1.0 }\n")
+    ],
+    "... is given without ...": [("free.area", FREE_PLANE + "free = { mass = 1.0, area = 1.0 }\n")],
     "... balls do not fill a ...": [
         ("rack", f'[[rack]]\nname = "r"\n{SPHERE}balls = 7\napex = [3,3,3]\ndirection = [1,0,0]\n')
     ],

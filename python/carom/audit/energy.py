@@ -23,7 +23,8 @@ from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
 from carom.audit.forces import pushes, speeds, together
-from carom.audit.loads import impulses, of_loads, remembered
+from carom.audit.formula import law
+from carom.audit.loads import of_loads, remembered
 from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
@@ -309,15 +310,15 @@ def rises(run: Run, tally: Tally) -> None:
     """No step may gain energy beyond the work of loads and walls and what bodies bring or take.
 
     Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding; in steps with islands of more
-    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that
-    are not flat, the position correction lifts what overlaps after the smooth motion, by at most the way of a step:
-    `h |g| sum m |v|`, that is `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step
-    (algorithm, section 10). Moreau-Jean: `h |g|/2` times all impulses that weight and motion can give,
-    for it moves bodies by the mean of velocities. Penalty: what its integration swings by, `(pi/resolution)^2/4`. Works of
-    moving walls are exact for constant velocities, else off by the share by which these change in the step; those of
-    springs, drag and joints by the change of power within it, which the second difference of the kinetic energy shows, and
-    by those of the steps before as long as the filter remembers them (`loads.remembered`); in an impact, after which the
-    kinetic energy may be what it was, by `_grip` of it in a step.
+    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat, the position
+    correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
+    `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10);
+    of the force on a free wall that times the way of the wall. Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a free wall, times
+    all impulses that loads and motion can give, for it moves bodies by the mean of velocities. Penalty: what its integration
+    swings by, `(pi/resolution)^2/4`. Works of moving walls are exact for constant velocities, else off by the share by which
+    these change in the step; those of springs, drag and joints by the change of power within it, which the second difference
+    of the kinetic energy shows, and by those of the steps before as long as the filter remembers them (`loads.remembered`);
+    in an impact, after which the kinetic energy may be what it was, by `_grip` of it in a step.
     """
     s, o = run.steps, run.options
     h = run.h
@@ -337,13 +338,18 @@ def rises(run: Run, tally: Tally) -> None:
     round_walls = any(not wall.flat or wall.rotation is not None for wall in run.walls)
     if run.bodies > 1 or round_walls:
         bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.mass.sum()), 0.0)
+    forces = [np.abs(law(wall.force, s["time"])[0]) for wall in run.free_walls]
+    for force, wall in zip(forces, run.free_walls, strict=True):
+        way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
+        bound = bound + np.where(s["contacts"] > 0, force * way, 0.0)
     if run.method == "moreau":
-        given = 2.0 * np.sqrt(2.0 * motion * run.mass.sum()) + weight * h
-        bound = bound + 0.5 * h * g * given
+        pulls = [g, *(force / wall.mass for force, wall in zip(forces, run.free_walls, strict=True))]
+        given = 2.0 * np.sqrt(2.0 * motion * run.mass.sum()) + (weight + sum(forces)) * h
+        bound = bound + 0.5 * h * np.max(np.broadcast_arrays(*pulls), axis=0) * given
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
-    bound = bound + _pressed(run, motion) + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
+    bound = bound + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
@@ -363,34 +369,6 @@ def _answered(run: Run) -> F64:
         found = found + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
     if run.joints:
         found = found + reactions.unsteady(run)
-    return found
-
-
-def _pressed(run: Run, motion: F64) -> F64:
-    """(S,) by how much the work of the forces on free walls may be off, J, for kinetic energies `motion` of the steps: it is
-    recorded by the velocities at both ends of a step, of which contacts gave a part after the force had acted.
-    """
-    found, s = np.zeros(len(motion)), run.steps
-    for load in run.loads:
-        body = int(load.get("body", -1))
-        if load["kind"] != "force" or body < run.balls:
-            continue
-        impulse = norm(impulses(run, load)[:, :3])
-        fastest = np.sqrt(2.0 * motion / run.mass[body])
-        jump = 2.0 * fastest + (impulse + float(norm(run.gravity)) * run.h * run.mass[body]) / run.mass[body]
-        known = _changes(run, body)
-        jump = np.where(np.isnan(known), jump, np.minimum(known + impulse / run.mass[body], jump))
-        met = (s["contacts"] > 0) | (s["impact_problems"] > 0) | run.cut
-        found += np.where(met, impulse * jump, 0.0)
-    return found
-
-
-def _changes(run: Run, body: int) -> F64:
-    """(S,) by how much the velocity of a free wall changes in each step, m/s; not a number where frames do not tell it."""
-    found = np.full(len(run.steps["step"]), np.nan)
-    v = np.asarray(run.result._segments.column("frames", "free_walls")[:, body - run.balls, 1])
-    single = np.flatnonzero(np.diff(run.step) == 1)
-    found[run.step[single]] = np.abs(v[single + 1] - v[single])
     return found
 
 

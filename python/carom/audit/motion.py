@@ -126,6 +126,13 @@ def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: 
     )
 
 
+def _largest(block: Block) -> F64:
+    """(B, 1) largest impulse of a contact in each interval, N s: sums and cancellations in sweeps have its rounding."""
+    found = np.zeros(block.count)
+    np.maximum.at(found, block.rows.k, norm(block.rows.impulse))
+    return found[:, None]
+
+
 def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) -> None:
     run = block.run
     m = run.mass[:, None]
@@ -133,6 +140,7 @@ def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) ->
     given = loads.impulse[..., :3]
     value = norm(m * (block.v1 - block.v0) - weight - given - s.impulse)
     size = m[:, 0] * (norm(block.v0) + norm(block.v1)) + norm(weight) + norm(given) + s.size
+    size = size + _largest(block)
     _take(block, tally, "momentum", value, _rounding(block) * size + loads.slack[..., 0], known)
 
 
@@ -178,6 +186,7 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touche
     size = inertia[:, 0] * (norm(block.w0) + norm(block.w1)) + norm(given) + s.moment_size
     # Moments that cancel in the sweeps over a contact were as large as those of the weight.
     size = size + np.where(touched, run.radius * run.mass * norm(run.gravity), 0.0) * block.dt[:, None]
+    size = size + np.where(touched, run.radius * _largest(block), 0.0)
     bound = _rounding(block) * size + loads.slack[..., 1] + s.turned
     _take(block, tally, "spin", value, bound, known)
 
