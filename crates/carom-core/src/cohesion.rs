@@ -11,7 +11,7 @@ use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::Span;
-use crate::wall::places::{proximity_at, Walls};
+use crate::wall::places::{displacement, proximity_at, Walls};
 use glam::DVec3;
 
 /// Share (1) of a way that its own change of the attraction takes, above which a step is too long to tell that way. Above 1 there is none.
@@ -146,7 +146,7 @@ pub(crate) fn pull(
         let force = law.mean_attraction(gap, opening, model.inv_mass[a] + of_b, h);
         let impulse = -h * force * along;
         pulls.push((c.a, c.b, impulse));
-        if model.record_walls && c.is_wall(model) {
+        if model.record_walls && c.meets_wall(model) {
             c.n1 = along;
             scratch.wall_pulls.push((c, impulse));
         }
@@ -174,13 +174,13 @@ pub(crate) fn on_walls(
     let mut work = 0.0;
     for (c, impulse) in pulls {
         let a = c.a as usize;
-        let (x, r) = (position[a], model.radius[a]);
+        let (x, r) = (position[a] - displacement(position, c.b), model.radius[a]);
         let lever = model.periodic.nearest(x - walls.point(model, c.b)) - r * c.n1;
         let on_wall = &mut out[model.wall(c.b).given as usize];
         on_wall[0] -= *impulse;
         on_wall[1] -= lever.cross(*impulse);
         let start = walls.start_twist(model, c, state.position[a]);
-        if let Some((start, end)) = start.zip(walls.end_twist(model, c, x)) {
+        if let Some((start, end)) = start.zip(walls.end_twist(model, c, position[a])) {
             work += impulse.dot(start.mean(&end).shape);
         }
     }

@@ -338,9 +338,8 @@ def _plane(result: RunData, name: str) -> int:
 
 
 def _moves(result: RunData, name: str) -> bool:
-    if "motion" not in result.planes:
-        return False
-    return bool(str(result.planes["motion"][result.plane_names.index(name)]))
+    index, planes = result.plane_names.index(name), result.planes
+    return any(bool(str(planes[how][index])) for how in ("motion", "free") if how in planes)
 
 
 def _index(name: str, known: Sequence[str]) -> int:

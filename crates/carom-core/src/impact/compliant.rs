@@ -65,9 +65,9 @@ pub struct ContactSpring<'a> {
 
 /// The spring of a contact.
 pub fn spring<'a>(model: &'a Model, c: &Contact) -> ContactSpring<'a> {
-    let of_b = match model.radius.get(c.b as usize) {
-        Some(radius) => 1.0 / radius,
-        None => model.wall(c.b).curvature(),
+    let of_b = match c.meets_wall(model) {
+        true => model.wall(c.b).curvature(),
+        false => 1.0 / model.radius[c.b as usize],
     };
     let radius = model.radius[c.a as usize];
     // A sphere that fills its hollow wall has no curvature left.
