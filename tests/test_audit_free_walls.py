@@ -78,16 +78,16 @@ def kinds(report: audit.Report) -> set[str]:
 
 
 HONEST: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, Any]]] = {
-    "lid": (lid, 0.1, {"step": 1e-3}),
-    "lid without weight": (lambda: lid(weight=False), 0.1, {"step": 1e-3}),
-    "a wave": (lambda: lid(force=WAVE, mass=0.01), 0.1, {"step": 1e-3}),
-    "a wave in free space": (lambda: lid(force=WAVE, gravity=0.0), 0.1, {"step": 1e-3, "spectral_radius": 0.5}),
-    "no force": (lambda: lid(force=None, velocity=0.5), 0.1, {"step": 1e-3}),
-    "opposite": (opposite, 0.1, {"step": 5e-4}),
+    "lid": (lid, 0.06, {"step": 1e-3}),
+    "lid without weight": (lambda: lid(weight=False), 0.06, {"step": 1e-3}),
+    "a wave": (lambda: lid(force=WAVE, mass=0.01), 0.06, {"step": 1e-3}),
+    "a wave in free space": (lambda: lid(force=WAVE, gravity=0.0), 0.05, {"step": 1e-3, "spectral_radius": 0.5}),
+    "no force": (lambda: lid(force=None, velocity=0.5), 0.06, {"step": 1e-3}),
+    "opposite": (opposite, 0.05, {"step": 5e-4}),
     "opposite waves": (lambda: opposite(force=WAVE), 0.05, {"step": 5e-4}),
-    "60 grains": (lambda: pressed(60), 0.01, {"step": 1e-4}),
-    "60 grains, every impact": (lambda: pressed(60), 0.005, {"step": 1e-4, "impacts": "every"}),
-    "100 grains, periodic": (lambda: pressed(100, periodic=True), 0.008, {"step": 1e-4, "pile_tolerance": 1e-6}),
+    "60 grains": (lambda: pressed(60), 0.005, {"step": 1e-4}),
+    "60 grains, every impact": (lambda: pressed(60), 0.003, {"step": 1e-4, "impacts": "every"}),
+    "100 grains, periodic": (lambda: pressed(100, periodic=True), 0.004, {"step": 1e-4, "pile_tolerance": 1e-6}),
 }  # fmt: skip
 
 
@@ -106,7 +106,7 @@ def test_honest_runs_are_clean(name: str, method: str, tmp_path: Path) -> None:
             assert not report["momentum"].unjudged
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_random_scenes_are_clean(seed: int, tmp_path: Path) -> None:
     scene, options = audit_free.scene(seed)
     report = audit.check(run(scene, tmp_path / "run", 0.02, **options))
@@ -118,11 +118,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Runs into which faults are planted."""
     path = tmp_path_factory.mktemp("runs")
     return {
-        "lid": run(lid(), path / "lid", 0.1, step=1e-3),
-        "moreau": run(lid(), path / "moreau", 0.1, step=1e-3, method="moreau"),
+        "lid": run(lid(), path / "lid", 0.06, step=1e-3),
+        "moreau": run(lid(), path / "moreau", 0.06, step=1e-3, method="moreau"),
         "grains": run(pressed(60), path / "grains", 0.004, step=1e-4),
-        "bare": run(lid(), path / "bare", 0.1, step=1e-3, contacts=False, impacts=False),
-        "rare": run(lid(), path / "rare", 0.1, step=1e-3, every=10),
+        "bare": run(lid(), path / "bare", 0.06, step=1e-3, contacts=False, impacts=False),
+        "rare": run(lid(), path / "rare", 0.06, step=1e-3, every=10),
     }
 
 
@@ -192,6 +192,15 @@ def test_another_mass_or_force_is_found(
     assert given in text
     (path / "scenario.toml").write_text(text.replace(given, other))
     assert {"momentum", "claims", "scenario"} <= kinds(audit.check(path))
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("force", [-1.0, {"expression": "-1+sin(500*t)"}])
+def test_the_flight_of_a_wall_is_known_over_several_steps(method: str, force: Any, tmp_path: Path) -> None:
+    scene = lid(force=force, weight=False, velocity=-3.0)
+    path = run(scene, tmp_path / "run", 0.05, step=1e-3, every=10, method=method)
+    assert audit.check(path).ok
+    assert kinds(audit.check(planted(path, tmp_path / "other", scaled(3, 0, 1e-9)))) == {"position"}
 
 
 def test_a_wall_that_hangs_in_the_air_is_found(runs: dict[str, Path], tmp_path: Path) -> None:

@@ -199,7 +199,10 @@ def _load(block: Block) -> F64:
     if not run.loads and not run.joints:
         return weight
     given = of_loads(block)
-    pushed = (norm(given.impulse[..., :3]) + given.slack[..., 0]) / run.mass / np.maximum(block.n, 1)[:, None]
+    pushed = norm(given.impulse[..., :3]) + given.slack[..., 0]
+    walls = slice(run.balls, None)  # whose forces may cancel over several steps
+    pushed[:, walls] = np.maximum(pushed[:, walls], given.spread[:, walls, 0])
+    pushed = pushed / run.mass / np.maximum(block.n, 1)[:, None]
     if run.joints and run.has_contacts:
         # What joints answer to contacts is in their reactions, and may cancel what they give by themselves.
         alone = norm(answers.before_contacts(block)[..., :3] - block.v0)

@@ -78,6 +78,7 @@ def of_loads(block: Block) -> Loads:
         found.shift[:] = 0.0
         if not run.options["position_projection"]:
             found.shift_slack[:] = found.shift_held[:] = 0.0
+    _ways_of_walls(block, found)
     return found
 
 
@@ -100,6 +101,21 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
         slack = block.total(loose[:, j])
         out.slack[:, body, j // 3] += slack
         out.shift_slack[:, body, j // 3] += slack * block.dt / scale[j]
+
+
+def _ways_of_walls(block: Block, out: Loads) -> None:
+    """Adds to the ways of free walls over several steps what their forces gave in earlier ones: these are laws of time."""
+    run = block.run
+    share = float(run.options["theta"]) if run.method == "moreau" else 0.0
+    for load in run.loads:
+        body = int(load.get("body", -1))
+        if load["kind"] != "force" or body < run.balls:
+            continue
+        gained = impulses(run, load)[:, :3] / run.mass[body]
+        for k in np.flatnonzero(block.n > 1):
+            mine = gained[block.s0[k] : block.s1[k]]
+            after = np.arange(len(mine))[::-1] + share
+            out.shift[k, body, :3] += run.h * after @ mine
 
 
 def _cohesion(block: Block, out: Loads) -> None:

@@ -208,9 +208,10 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
     size = norm(block.x0) + norm(block.x1) + norm(dt * block.v0) + norm(dt * block.v1)
     size = size + np.where(s.count > 0, run.radius, 0.0)  # gaps are differences of lengths
     size = size + s.shift_size / run.mass
-    bound = _rounding(block) * size + loads.shift_slack[..., 0] + np.where(
-        single[:, None], 0.0, (norm(loads.impulse[..., :3]) + loads.spread[..., 0]) / run.mass * block.dt[:, None]
-    )  # fmt: skip
+    size[:, run.balls :] += norm(smooth[:, run.balls :])  # what starts from rest has no other
+    given = (norm(loads.impulse[..., :3]) + loads.spread[..., 0]) / run.mass * block.dt[:, None]
+    known = single[:, None] | ((np.arange(run.bodies) >= run.balls) & ~block.cut[:, None])
+    bound = _rounding(block) * size + loads.shift_slack[..., 0] + np.where(known, 0.0, given)
     if run.method == "penalty":  # it has no position level
         c = block.rows
         tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
