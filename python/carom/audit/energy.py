@@ -343,9 +343,10 @@ def rises(run: Run, tally: Tally) -> None:
         way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
         bound = bound + np.where(s["contacts"] > 0, force * way, 0.0)
     if run.method == "moreau":
-        pulls = [g, *(force / wall.mass for force, wall in zip(forces, run.free_walls, strict=True))]
+        of_walls = (force / wall.mass for force, wall in zip(forces, run.free_walls, strict=True))
+        pull = np.max([np.full(len(motion), g), *of_walls], axis=0)
         given = 2.0 * np.sqrt(2.0 * motion * run.mass.sum()) + (weight + sum(forces)) * h
-        bound = bound + 0.5 * h * np.max(np.broadcast_arrays(*pulls), axis=0) * given
+        bound = bound + 0.5 * h * pull * given
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
