@@ -166,6 +166,72 @@ def test_a_turned_scene_moves_as_the_turned_motion() -> None:
     assert along[0] == pytest.approx(along[1], abs=1e-12)
 
 
+def layer(share: float) -> carom.Scene:
+    """400 balls just above a floor, and a lid of a share of their mass that hits all of them."""
+    scene = carom.Scene()
+    scene.world.gravity = (0.0, 0.0, -G)
+    scene.material("steel")
+    scene.contact("steel", "steel", friction=0.3, restitution=0.3)
+    scene.plane("floor", point=(0, 0, -5e-4), normal=(0, 0, 1), material="steel")
+    free = {"mass": share * 400 * MASS, "velocity": 1.0}
+    scene.plane("lid", point=(0, 0, 2 * RADIUS), normal=(0, 0, -1), material="steel", free=free)
+    for k in range(400):
+        place = (0.0201 * (k // 20), 0.0201 * (k % 20), RADIUS)
+        scene.sphere(f"ball{k}", radius=RADIUS, mass=MASS, position=place, material="steel")
+    return scene
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.3])
+def test_sweeps_converge_below_light_lids(share: float, method: str) -> None:
+    result = carom.simulate(layer(share), step=1e-3, until=3e-3, every=1, impact="one-shot", pile_tolerance=1e-4,
+                            method=method)  # fmt: skip
+    assert max(result.steps["sweeps_velocity"]) < 1000
+    assert result.summary["unconverged"] == result.summary["fallbacks"] == result.summary["halvings"] == 0
+
+
+def test_a_lid_at_rest_without_gravity_gains_no_energy() -> None:
+    scene = one_ball(gravity=0.0, mass=0.1, force=5.0)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+    result = carom.simulate(scene, step=1e-3, until=0.2, every=1)
+    assert result.summary["energy"]["rises"] == 0
+    assert result.summary["energy"]["max_rise_relative"] < 1e-12
+
+
+def test_stepping_shows_and_restores_free_walls() -> None:
+    scene = one_ball(mass=0.2, force=5.0)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+    simulation = carom.Simulation(scene, step=1e-3)
+    simulation.step(20)
+    ((way, speed),) = simulation.free_walls
+    assert way == pytest.approx(0.5 * (5.0 / 0.2 + G) * 0.02**2, rel=1e-9)
+    assert speed == pytest.approx((5.0 / 0.2 + G) * 0.02, rel=1e-9)
+    state = simulation.state()
+    simulation.step(10)
+    after = simulation.free_walls
+    simulation.restore(state)
+    simulation.step(10)
+    assert np.array_equal(simulation.free_walls, after)
+    for name, value in (
+        ("velocity", (1.0, 0, 0)),
+        ("position", (1e-3, 0, 0)),
+        ("angular_velocity", (0, 0, 1.0)),
+    ):
+        wrong = {key: np.array(array) for key, array in state.items()}
+        wrong[name][1] = value
+        with pytest.raises(CaromError, match="free wall"):
+            simulation.restore(wrong)
+
+
+def test_a_light_wall_that_goes_far_in_a_step_is_told() -> None:
+    scene = one_ball(mass=1e-5, force=5.0)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+    scene = scene.with_options(step=1e-3, until=0.1)
+    (advice,) = [str(a) for a in scene.validate() if "lid" in str(a)]
+    assert "25 radii of the smallest ball" in advice
+    assert "step = 0.0001 is safe" in advice
+
+
 @pytest.mark.parametrize(
     ("free", "text"),
     [

@@ -4,7 +4,7 @@ use crate::cohesion;
 use crate::cures::cures;
 use crate::flow::exchange::exchange;
 use crate::flow::Exchange;
-use crate::force::total::{motion_of, weight_potential};
+use crate::force::total::{motion_of, own_force, weight_potential};
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
 use crate::outcome::{BlowUp, Failure, Level};
@@ -99,7 +99,7 @@ impl Simulation {
             if state.present[i] {
                 potential += weight_potential(&model, i, state.position[i]);
             }
-            static_scale += model.mass[i] * model.gravity.length() * model.radius[i];
+            static_scale += own_force(&model, i, 0.0).length() * model.radius[i];
         }
         let at = motion_of(&state, 0.0);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();

@@ -154,18 +154,18 @@ class Wall:
         """ "plane", "rectangle", "disc", "cylinder", "sphere", "cone" or "mesh"."""
         self.facts = dict(facts)
         """The row of `result.planes` or of `/walls` of the file: point, axis, radius ..."""
+        is_free = bool(str(facts.get("free", "")))
         try:
-            self.motion = self._free_poses() or Poses(str(facts.get("motion", "")))
+            self.motion = self._free_poses() if is_free else Poses(str(facts.get("motion", "")))
             self.motion.position(np.zeros(3), np.zeros(1)).reshape(1, 3)
         except (AttributeError, *DAMAGED) as error:
             table = "planes" if self.shape == "plane" else "walls"
             why = f"{quoted(self.name)}: {first_line(error)}"
-            raise result._segments.damage(f"/{table}/motion", why) from error
+            place = "/frames/free_walls" if is_free else f"/{table}/motion"
+            raise result._segments.damage(place, why) from error
 
-    def _free_poses(self) -> FreePoses | None:
+    def _free_poses(self) -> FreePoses:
         """Those of a free wall; free walls are the first ones."""
-        if not str(self.facts.get("free", "")):
-            return None
         column = np.asarray(self._result._segments.column("frames", "free_walls")[:, self.index])
         normal = np.asarray(self.facts["normal"], dtype=np.float64)
         return FreePoses(normal, np.asarray(self.time), column[:, 0], column[:, 1])

@@ -75,6 +75,12 @@ class State:
         return np.array(frame["present"], dtype=bool)
 
     @property
+    def free_walls(self) -> F64:
+        """Displacement along its normal since the start, m, and velocity along it, m/s, of each free wall, (W, 2)."""
+        frame = self._fetch()
+        return np.array(frame["free_walls"]) if "free_walls" in frame else np.zeros((0, 2))
+
+    @property
     def radius(self) -> F64:
         """Radii, (N,), m."""
         return self._fixed("radius")
@@ -91,7 +97,7 @@ class State:
 
     @property
     def kinetic_energy(self) -> float:
-        """Of translation and rotation, J."""
+        """Of translation and rotation of the balls, J."""
         translation = self.mass @ (self.velocity**2).sum(axis=1)
         return float(0.5 * (translation + self.inertia @ (self.angular_velocity**2).sum(axis=1)))
 

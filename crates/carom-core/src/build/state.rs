@@ -8,6 +8,9 @@ use crate::state::{State, Touch, Warm};
 use crate::wall;
 use glam::{DQuat, DVec3};
 
+/// Share (1) of a way or velocity of a free wall that may be across its normal, and its spin, rad/s: rounding. Larger: energies of what does not turn.
+const ACROSS: f64 = 1e-9;
+
 impl State {
     /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
     pub fn new(model: &Model, initial: InitialState) -> State {
@@ -75,7 +78,9 @@ impl State {
         let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
         let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();
         for (name, keys) in [("warm_key", warm), ("touch_key", touches)] {
-            let known = |&(a, b): &ContactKey| a < b && (a as usize) < n && (b as usize) < bodies;
+            let known = |&(a, b): &ContactKey| {
+                a < b && (a as usize) < model.balls() && (b as usize) < bodies
+            };
             if !keys.iter().all(known) {
                 return refuse(format!("{name} names a body that the model has not"));
             }
@@ -90,6 +95,14 @@ impl State {
         let unit = |q: &&DQuat| (q.length() - 1.0).abs() <= 1e-6;
         if let Some(q) = self.orientation.iter().find(|q| !unit(q)) {
             return refuse(format!("orientation has norm {}, expected 1", q.length()));
+        }
+        for (wall, i) in model.free_walls.iter().zip(model.balls()..) {
+            let along = |v: DVec3| v.reject_from_normalized(wall.normal).length() <= ACROSS * v.length();
+            let moves = along(self.position[i]) && along(self.velocity[i]);
+            if !moves || self.angular_velocity[i].length() > ACROSS || !self.present[i] {
+                let text = "a free wall is away from its normal, turns, or is absent";
+                return refuse(text.to_owned());
+            }
         }
         let vectors = |v: &[DVec3]| v.iter().all(|x| x.is_finite());
         let pairs = |v: &[[DVec3; 2]]| vectors(v.as_flattened());

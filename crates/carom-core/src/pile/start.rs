@@ -43,6 +43,28 @@ impl Pile {
             let moments = chosen.iter().map(|&slot| begin(&mut cursor, slot)[1]);
             self.start_moments.extend(moments.map(|m| m.to_array()));
         }
+        self.start_free_walls();
+    }
+
+    /// Contacts of a free wall none of which has an impulse from before share its load evenly: of many solutions the sweeps would take one that
+    /// follows from the numbers of the balls.
+    fn start_free_walls(&mut self) {
+        let memory = &self.velocity;
+        for &(node, along) in &self.guided {
+            let [check, old] = [&memory.check, &memory.old].map(|v| v[node as usize][0]);
+            let mass = 1.0 / self.bodies[node as usize].inv_mass;
+            let load = mass * (check - old).dot(DVec3::from(along));
+            let of_wall = |&(_, &slot): &(usize, &u32)| memory.closed[slot as usize].b == node;
+            let touched = memory.chosen.iter().enumerate().filter(of_wall);
+            let places: Vec<usize> = touched.map(|(k, _)| k).collect();
+            let begins = places.iter().all(|&k| self.start[k] == [0.0; 3]);
+            if begins && load > 0.0 {
+                let share = load / places.len().max(1) as f64;
+                for k in places {
+                    self.start[k] = along.map(|x| share * x);
+                }
+            }
+        }
     }
 
     /// Positions along normals alone: from what the loads have moved them by, or from those that this step has found where pairs have joined. Whether

@@ -9,6 +9,7 @@ use super::momentum::Memory;
 use super::pass::push;
 use super::problem::{self, Body, Contact, Place, SpheresError};
 use super::residual;
+use super::settle::SHARED;
 use super::rolls::{filled, sign};
 use crate::team::{self, lock};
 use glam::DVec3;
@@ -32,6 +33,8 @@ pub struct Sweeps {
     /// Bodies that a guide lets move along one direction alone, and that direction; set before [`Sweeps::renew_from`]. Normals of their contacts are
     /// along it.
     pub guided: Vec<(u32, [f64; 3])>,
+    /// Whether one of them is light beside all that touches it.
+    pub(super) shared: bool,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
     pub instructions: Instructions,
@@ -98,6 +101,7 @@ impl Sweeps {
             self.threads,
         )?;
         (self.blocks, self.layout) = (blocks, layout);
+        self.shared = (self.guided.iter()).any(|g| share(bodies, contacts, g.0) > SHARED);
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
         self.push();
@@ -321,6 +325,17 @@ impl Sweeps {
             }
         });
     }
+}
+
+/// Sum over the contacts of a body of its inverse mass over that of the other side.
+fn share(bodies: &[Body], contacts: &[Contact], body: u32) -> f64 {
+    let own = bodies[body as usize].inv_mass;
+    let of = |c: &Contact| match (c.a == body, c.b == body) {
+        (true, _) => bodies.get(c.b as usize).map_or(0.0, |b| own / b.inv_mass),
+        (_, true) => bodies.get(c.a as usize).map_or(0.0, |a| own / a.inv_mass),
+        _ => 0.0,
+    };
+    contacts.iter().map(of).filter(|x| x.is_finite()).sum()
 }
 
 /// Leaves of a velocity what is along a direction.

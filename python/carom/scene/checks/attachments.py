@@ -51,7 +51,8 @@ def check_names(parts: Parts) -> Iterator[Finding]:
             if name in walls:
                 what = "joints act" if section == "joint" else f"a {section} acts"
                 cause = f"{quoted(name)} is a {walls[name].section.replace('_', ' ')}, and {what} on spheres"
-                stands = ground_admitted and walls[name].motion is None
+                wall = walls[name]
+                stands = ground_admitted and wall.motion is None and wall.free is None
                 cure = 'planes never move: write "ground"' if stands else _known(name, bodies)
             elif name == GROUND:
                 cause = f"{quoted(name)} is no sphere"

@@ -17,7 +17,9 @@ from carom.scene.tables.laws import LawValue, fault_at, value_at
 
 if TYPE_CHECKING:
     from carom.scene.checks.rules import Parts
+    from carom.scene.tables.free import Free
     from carom.scene.tables.motion import Motion
+    from carom.scene.toml.lines import Path
 
 SAMPLES = 200
 """Times of a run at which the motion of walls is looked at."""
@@ -63,6 +65,8 @@ def advise_walls(parts: Parts) -> Iterator[Finding]:
     told: set[tuple[str, int]] = set()
     for wall in parts.walls():
         motion, place = wall.motion, (wall.section, wall.index)
+        if wall.free is not None:
+            yield from _advise_free(parts, wall, wall.free)
         if motion is None or place in told:  # the sides of a box share one motion
             continue
         if wall.section != "box":
@@ -131,10 +135,28 @@ def _advise_travel(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Findi
         )
         return
     travel = float(np.linalg.norm(moves, axis=1).max()) / float(bodies.radius.min())
+    yield from _advise_way(path, wall, run.step, travel, run.step * WALL_TRAVEL / max(travel, WALL_TRAVEL))
+
+
+def _advise_free(parts: Parts, wall: Placed, free: Free) -> Iterator[Finding]:
+    """A light wall that a force drives far in a step: contacts are sought where it would be without balls."""
+    run, bodies = parts.run, parts.bodies()
+    if run is None or run.until is None or not bodies.names:
+        return
+    law, times = free.law(), np.linspace(0.0, run.until, SAMPLES + 1).tolist()
+    force = max(abs(value_at(law, t)) for t in times)
+    by_force = 0.5 * force / free.mass * run.step**2
+    travel = (by_force + abs(free.velocity) * run.step) / float(bodies.radius.min())
+    if math.isfinite(travel):
+        step = run.step * min(1.0, WALL_TRAVEL / max(travel, WALL_TRAVEL)) ** (0.5 if by_force > 0.0 else 1.0)
+        yield from _advise_way((wall.section, wall.index, "free"), wall, run.step, travel, step)
+
+
+def _advise_way(path: Path, wall: Placed, step: float, travel: float, safe: float) -> Iterator[Finding]:
+    """Of a wall that goes so many radii of the smallest ball in a step, and of the step that is safe, s."""
     if travel > WALL_TRAVEL:
-        cause = f"a step of {run.step:g} s moves {called(wall)} by {travel:.2g} radii of the smallest ball"
-        step = run.step * WALL_TRAVEL / travel
-        yield Finding(path, cause, f"balls may be passed unnoticed: step = {step:.1g} is safe")
+        cause = f"a step of {step:g} s moves {called(wall)} by {travel:.2g} radii of the smallest ball"
+        yield Finding(path, cause, f"balls may be passed unnoticed: step = {safe:.1g} is safe")
 
 
 def _advise_jumps(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Finding]:

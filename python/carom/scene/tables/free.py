@@ -47,17 +47,20 @@ class Free(Table):
             raise refuse(f"{given} is given without {missing}", f"add {missing}", (given,))
         return self
 
+    def law(self) -> LawValue:
+        """The force along the normal, N, as a law of the time."""
+        if self.pressure is not None and self.area is not None:
+            return times(self.pressure, self.area)
+        return self.force if self.force is not None else 0.0
+
     def for_core(self, wall: int) -> dict[str, Any]:
         """What the core takes of wall number `wall`."""
-        law: LawValue = self.force if self.force is not None else 0.0
-        if self.pressure is not None and self.area is not None:
-            law = times(self.pressure, self.area)
         return {
             "wall": wall,
             "mass": self.mass,
             "velocity": self.velocity,
             "weighs": self.weight,
-            "force": as_core(law),
+            "force": as_core(self.law()),
         }
 
     def label(self) -> str:
