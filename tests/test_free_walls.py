@@ -182,7 +182,7 @@ def layer(share: float) -> carom.Scene:
 
 
 @pytest.mark.parametrize("method", ["nsga", "moreau"])
-@pytest.mark.parametrize("share", [0.02, 0.05, 0.3])
+@pytest.mark.parametrize("share", [0.003, 0.03, 0.3])
 def test_sweeps_converge_below_light_lids(share: float, method: str) -> None:
     result = carom.simulate(layer(share), step=1e-3, until=3e-3, every=1, impact="one-shot", pile_tolerance=1e-4,
                             method=method)  # fmt: skip

@@ -99,7 +99,11 @@ impl Simulation {
             if state.present[i] {
                 potential += weight_potential(&model, i, state.position[i]);
             }
-            static_scale += own_force(&model, i, 0.0).length() * model.radius[i];
+            let pull = match model.free_wall(i) {
+                Some(_) => own_force(&model, i, 0.0).length(),
+                None => model.mass[i] * model.gravity.length(),
+            };
+            static_scale += pull * model.radius[i];
         }
         let at = motion_of(&state, 0.0);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();

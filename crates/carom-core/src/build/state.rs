@@ -97,7 +97,8 @@ impl State {
             return refuse(format!("orientation has norm {}, expected 1", q.length()));
         }
         for (wall, i) in model.free_walls.iter().zip(model.balls()..) {
-            let along = |v: DVec3| v.reject_from_normalized(wall.normal).length() <= ACROSS * v.length();
+            let along =
+                |v: DVec3| v.reject_from_normalized(wall.normal).length() <= ACROSS * v.length();
             let moves = along(self.position[i]) && along(self.velocity[i]);
             if !moves || self.angular_velocity[i].length() > ACROSS || !self.present[i] {
                 let text = "a free wall is away from its normal, turns, or is absent";

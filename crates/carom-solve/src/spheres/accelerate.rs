@@ -13,10 +13,11 @@
 
 use super::bodies::State;
 use super::carry::Along;
+use super::guided::{keep_along, Guided};
 use super::lanes::{Lanes, Work};
 use super::momentum::Change;
 use super::pass::pass;
-use super::sweeps::{keep_along, Sweeps};
+use super::sweeps::Sweeps;
 use crate::team::{self, lock};
 use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -71,7 +72,7 @@ impl Sweeps {
             threads,
             instructions,
             law,
-            guided,
+            guided_bodies,
             ..
         } = self;
         memory.states.resize(states.len(), State::default());
@@ -89,9 +90,8 @@ impl Sweeps {
             })
         };
         let stride = layout.stride;
-        let state =
-            |&(body, along): &(u32, [f64; 3])| (layout.state[body as usize] as usize, along.into());
-        let guided: Vec<(usize, DVec3)> = guided.iter().map(state).collect();
+        let place = |g: &Guided| g.place(&layout.state);
+        let guided: Vec<(usize, DVec3)> = guided_bodies.iter().map(place).collect();
         let chunks: Vec<_> = states
             .chunks_mut(layout.stride)
             .zip(memory.states.chunks_mut(layout.stride))

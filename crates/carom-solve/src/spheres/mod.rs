@@ -14,6 +14,7 @@ mod coarse;
 mod curve;
 mod goal;
 mod groups;
+mod guided;
 mod kernel;
 mod lanes;
 mod layout;

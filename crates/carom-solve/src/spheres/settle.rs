@@ -17,11 +17,6 @@ const LIKELY: f64 = 0.9;
 const TIRED: usize = 250;
 /// Bounds of the momentum (1): 1 is none.
 const CAPS: [f64; 2] = [1.0, 0.5];
-/// The same where contacts share a light guided body ([`SHARED`]): plain sweeps converge there, momentum swings up.
-const CAPS_SHARED: [f64; 4] = [0.0, 0.0, 0.5, 0.0];
-/// Sum over the contacts of a guided body of its inverse mass over that of the other side (1) from which on it counts as shared. Momentum held to 20
-/// in a layer of 400 balls. Too small, piles under heavy lids lose their momentum; too large, those under light ones never converge.
-pub(super) const SHARED: f64 = 5.0;
 /// Sweeps (1) after which a problem may be given up that has no solution, and between two such looks.
 const LONG: usize = 1_000;
 /// No change is as small.
@@ -95,9 +90,13 @@ impl Sweeps {
             let count = (most.min(until)).max(least);
             let calm = now.residual <= 0.5 * goal.tolerance;
             let most_now = if calm { goal.calm } else { 1.0 };
-            let cap = momentum(goal.had + now.sweeps, self.shared).min(most_now);
-            self.accelerated(least, cap, NEVER);
-            let done = least + self.accelerated(count - least, cap, enough);
+            let cap = momentum(goal.had + now.sweeps).min(most_now);
+            let done = if self.guided_bodies.iter().any(|g| g.shared) {
+                self.plain(count, enough)
+            } else {
+                self.accelerated(least, cap, NEVER);
+                least + self.accelerated(count - least, cap, enough)
+            };
             now = self.judge(goal, now.sweeps + done);
             if now.sweeps >= before.sweeps + LONG {
                 if hopeless(goal, &before, &now) {
@@ -112,10 +111,25 @@ impl Sweeps {
     }
 }
 
+impl Sweeps {
+    /// Up to `count` sweeps without momentum, each with a step of the shared bodies behind it, until one changes no more than `enough`; how many there
+    /// were. Momentum swings up where many contacts share a body.
+    fn plain(&mut self, count: usize, enough: Change) -> usize {
+        for done in 1..=count {
+            self.accelerated(1, 0.0, NEVER);
+            let last = self.memory.last;
+            self.settle_guided();
+            if last.squared <= enough.squared && last.closing <= enough.closing {
+                return done;
+            }
+        }
+        count
+    }
+}
+
 /// Largest `beta` after so many sweeps: where contacts stick, slip and open in turn it may be the momentum that drives them.
-fn momentum(sweeps: usize, shared: bool) -> f64 {
-    let caps = if shared { &CAPS_SHARED[..] } else { &CAPS[..] };
-    caps[sweeps / TIRED % caps.len()]
+fn momentum(sweeps: usize) -> f64 {
+    CAPS[sweeps / TIRED % CAPS.len()]
 }
 
 /// Whether contacts go on closing although forces grow: at this pace they close when all sweeps are used up. Newton's law asks for

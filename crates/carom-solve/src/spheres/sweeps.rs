@@ -3,16 +3,15 @@
 use super::bodies::{ContactLanes, State};
 use super::goal::{Norms, Projection};
 use super::groups::{ContactBlock, Slots, Source};
-use super::lanes::{head, vector, Column, Instructions, EMPTY, SWAPPED};
+use super::guided::Guided;
+use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
 use super::pass::push;
 use super::problem::{self, Body, Contact, Place, SpheresError};
 use super::residual;
-use super::settle::SHARED;
 use super::rolls::{filled, sign};
 use crate::team::{self, lock};
-use glam::DVec3;
 use std::sync::Mutex;
 
 /// A problem in the order in which it is swept, with its impulses and velocity corrections (0 at first).
@@ -33,8 +32,7 @@ pub struct Sweeps {
     /// Bodies that a guide lets move along one direction alone, and that direction; set before [`Sweeps::renew_from`]. Normals of their contacts are
     /// along it.
     pub guided: Vec<(u32, [f64; 3])>,
-    /// Whether one of them is light beside all that touches it.
-    pub(super) shared: bool,
+    pub(super) guided_bodies: Vec<Guided>,
     /// Threads of all that follows; changes no bit of any result.
     pub threads: usize,
     pub instructions: Instructions,
@@ -77,6 +75,7 @@ impl Sweeps {
         let mut blocks = std::mem::take(&mut self.blocks);
         let mut layout = std::mem::take(&mut self.layout);
         self.radius.clear();
+        self.guided_bodies.clear();
         self.pairs = 0;
         self.norms = None;
         problem::check(bodies, contacts.len(), places)?;
@@ -101,7 +100,11 @@ impl Sweeps {
             self.threads,
         )?;
         (self.blocks, self.layout) = (blocks, layout);
-        self.shared = (self.guided.iter()).any(|g| share(bodies, contacts, g.0) > SHARED);
+        let guided = self
+            .guided
+            .iter()
+            .map(|&g| Guided::new(bodies, contacts, g));
+        self.guided_bodies = guided.collect();
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
         self.push();
@@ -182,15 +185,6 @@ impl Sweeps {
             push(instructions, block, left, right)
         });
         self.guide();
-    }
-
-    /// Takes off what the contacts have given guided bodies across their directions. Within a sweep that stands in their states: contacts make
-    /// smaller changes by it, and the last ones are 0.
-    pub(super) fn guide(&mut self) {
-        for &(body, along) in &self.guided {
-            let state = &mut self.states[self.layout.state[body as usize] as usize];
-            keep_along(state, along.into());
-        }
     }
 
     /// Norms of eq. 44 at the present impulses. Momentum balance holds by construction (see [`Sweeps::refresh`]), so the residual is that
@@ -325,23 +319,6 @@ impl Sweeps {
             }
         });
     }
-}
-
-/// Sum over the contacts of a body of its inverse mass over that of the other side.
-fn share(bodies: &[Body], contacts: &[Contact], body: u32) -> f64 {
-    let own = bodies[body as usize].inv_mass;
-    let of = |c: &Contact| match (c.a == body, c.b == body) {
-        (true, _) => bodies.get(c.b as usize).map_or(0.0, |b| own / b.inv_mass),
-        (_, true) => bodies.get(c.a as usize).map_or(0.0, |a| own / a.inv_mass),
-        _ => 0.0,
-    };
-    contacts.iter().map(of).filter(|x| x.is_finite()).sum()
-}
-
-/// Leaves of a velocity what is along a direction.
-pub(super) fn keep_along(state: &mut State, along: DVec3) {
-    let kept = head(&state.linear).dot(along) * along;
-    state.linear[..3].copy_from_slice(&kept.to_array());
 }
 
 /// How a problem is cut for the sweeps.
