@@ -3,7 +3,7 @@
 use super::bodies::{ContactLanes, State};
 use super::goal::{Norms, Projection};
 use super::groups::{ContactBlock, Slots, Source};
-use super::guided::Guided;
+use super::guided::{keep_along, Guided, Parts};
 use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
@@ -185,6 +185,33 @@ impl Sweeps {
             push(instructions, block, left, right)
         });
         self.guide();
+    }
+
+    /// Takes off what the contacts have given guided bodies across their directions. Within a sweep that stands in their states: contacts make
+    /// smaller changes by it, and the last ones are 0.
+    pub(super) fn guide(&mut self) {
+        for guided in &self.guided_bodies {
+            let (state, along) = guided.place(&self.layout.state);
+            keep_along(&mut self.states[state], along);
+        }
+    }
+
+    /// A step of the shared bodies ([`Guided::settle`]); momentum is forgotten.
+    pub(super) fn settle_guided(&mut self) {
+        let mut parts = Parts {
+            state: &self.layout.state,
+            slots: &self.slots,
+            blocks: &mut self.blocks,
+            states: &mut self.states,
+        };
+        let mut changed = false;
+        for guided in self.guided_bodies.iter().filter(|g| g.shared) {
+            changed |= guided.settle(&mut parts);
+        }
+        if changed {
+            self.norms = None;
+            self.restart();
+        }
     }
 
     /// Norms of eq. 44 at the present impulses. Momentum balance holds by construction (see [`Sweeps::refresh`]), so the residual is that
