@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.audit.data import Run
+from carom.audit.formula import law
 from carom.audit.references import at
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot, norm
@@ -190,7 +191,11 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
     largest = max(0.0, float(rise.max()))
     rounding = 8.0 * EPS * np.abs(total).max() / max(largest, 1e-300)
     yield "energy.max_rise", largest, rounding
-    floor = float((run.mass * np.linalg.norm(run.gravity) * run.radius).sum())
+    pulls = run.mass * np.linalg.norm(run.gravity)
+    for body, wall in enumerate(run.free_walls, run.balls):  # these have their force besides, along one line
+        force = float(law(wall.force, np.zeros(1))[0][0])
+        pulls[body] = abs(wall.mass * float(wall.fall(run.gravity) @ wall.normal) + force)
+    floor = float((pulls * run.radius).sum())
     scale = np.maximum(np.maximum.accumulate(s["energy_kinetic"]), motion.sum()) + floor
     yield "energy.max_rise_relative", largest / max(scale[-1], 1e-300), rounding + 1e-12
     # A rise that is at the bound may count or not: scales are sums of another order.
