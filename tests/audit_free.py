@@ -11,16 +11,10 @@ from typing import Any
 import carom
 import numpy as np
 from audit_random import main
-from carom.scene.tables.walls import Plane
 
 UNTIL = 0.05
 """Duration, s."""
 R = 0.005
-
-
-def plane(made: carom.Scene, name: str, **given: Any) -> None:
-    """Adds a plane, which may be free."""
-    made._wall(Plane, {"name": name, **given})
 
 
 def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
@@ -51,15 +45,15 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
     )
     if not lid and "free" not in floor:
         lid = {"free": free()}
-    plane(made, "floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall", **floor)
-    plane(made, "lid", point=(0, 0, top), normal=(0, 0, -1), material="wall", **lid)
+    made.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall", **floor)
+    made.plane("lid", point=(0, 0, top), normal=(0, 0, -1), material="wall", **lid)
     if not periodic:
         sides = [("left", 0, 1), ("right", 0, -1), ("front", 1, 1), ("back", 1, -1)]
         for name, axis, sign in sides:
             normal, point = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             normal[axis], point[axis] = float(sign), 0.0 if sign > 0 else side
             more = {"free": free()} if name == "right" and one(False, False, True) else {}
-            plane(made, name, point=point, normal=normal, material="wall", **more)
+            made.plane(name, point=point, normal=normal, material="wall", **more)
     speed = one(0.0, 0.1, 0.5)
     for k in range(across * across * layers):
         row, column, layer = k % across, (k // across) % across, k // across**2

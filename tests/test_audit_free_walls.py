@@ -28,9 +28,9 @@ def lid(*, gravity: float = 9.8, **free: Any) -> carom.Scene:
     """A ball that is thrown obliquely between a floor and a lid."""
     scene = carom.Scene(gravity=(0, 0, -gravity))
     scene.contact("ball", "wall", friction=0.4, restitution=0.6)
-    audit_free.plane(scene, "floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
     given = {"mass": 0.2, "force": 5.0, **free}
-    audit_free.plane(scene, "lid", point=(0, 0, TOP), normal=(0, 0, -1), material="wall", free=given)
+    scene.plane("lid", point=(0, 0, TOP), normal=(0, 0, -1), material="wall", free=given)
     scene.sphere(
         "ball", radius=0.01, density=2500, material="ball", position=(0, 0, 0.012), velocity=(0.3, 0, 0.5)
     )
@@ -43,7 +43,7 @@ def opposite(**free: Any) -> carom.Scene:
     for other in ("ball", "wall"):
         scene.contact("ball", other, friction=0.3, restitution=0.5)
     for name, side, mass in (("left", -1.0, 0.005), ("right", 1.0, 0.1)):
-        audit_free.plane(scene, name, point=(0.022 * side, 0, 0), normal=(-side, 0, 0), material="wall",
+        scene.plane(name, point=(0.022 * side, 0, 0), normal=(-side, 0, 0), material="wall",
                          free={"mass": mass, "force": 2.0, **free})  # fmt: skip
         scene.sphere(f"of {name}", radius=0.01, density=2500, material="ball",
                      position=(0.0103 * side, 0.003 * side, 0), velocity=(0.2 * side, 0.1, 0))  # fmt: skip
@@ -63,8 +63,8 @@ def pressed(count: int, *, periodic: bool = False, **free: Any) -> carom.Scene:
         planes += [("left", (0, 0, 0), (1, 0, 0)), ("right", (side, 0, 0), (-1, 0, 0))]
         planes += [("front", (0, 0, 0), (0, 1, 0)), ("back", (0, side, 0), (0, -1, 0))]
     for name, point, normal in planes:
-        audit_free.plane(scene, name, point=point, normal=normal, material="wall")
-    audit_free.plane(scene, "lid", point=(0, 0, top), normal=(0, 0, -1), material="wall",
+        scene.plane(name, point=point, normal=normal, material="wall")
+    scene.plane("lid", point=(0, 0, top), normal=(0, 0, -1), material="wall",
                      free={"mass": 1e-3, "pressure": 1000.0, "area": side**2, **free})  # fmt: skip
     scene.packing("grain", material="grain", density=2500, seed=1, count=count, sizes="uniform", smallest=1.8 * r,
                   largest=2 * r, region="box", low=(0, 0, 0), high=(side, side, top),

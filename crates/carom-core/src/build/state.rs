@@ -45,6 +45,17 @@ impl State {
         state
     }
 
+    /// Whether free walls are where their guides let them be.
+    fn holds_free_walls(&self, model: &Model) -> bool {
+        let mut walls = model.free_walls.iter().zip(model.balls()..);
+        walls.all(|(wall, i)| {
+            let across = |v: DVec3| v.reject_from_normalized(wall.normal).length();
+            let along = |v: DVec3| across(v) <= ACROSS * v.length();
+            let turns = self.angular_velocity[i].length() > ACROSS;
+            along(self.position[i]) && along(self.velocity[i]) && !turns && self.present[i]
+        })
+    }
+
     /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
     pub fn check(&self, model: &Model) -> Result<(), ModelError> {
         let refuse = |text: String| Err(ModelError::State(text));
@@ -96,14 +107,9 @@ impl State {
         if let Some(q) = self.orientation.iter().find(|q| !unit(q)) {
             return refuse(format!("orientation has norm {}, expected 1", q.length()));
         }
-        for (wall, i) in model.free_walls.iter().zip(model.balls()..) {
-            let along =
-                |v: DVec3| v.reject_from_normalized(wall.normal).length() <= ACROSS * v.length();
-            let moves = along(self.position[i]) && along(self.velocity[i]);
-            if !moves || self.angular_velocity[i].length() > ACROSS || !self.present[i] {
-                let text = "a free wall is away from its normal, turns, or is absent";
-                return refuse(text.to_owned());
-            }
+        if !self.holds_free_walls(model) {
+            let text = "a free wall is away from its normal, turns, or is absent";
+            return refuse(text.to_owned());
         }
         let vectors = |v: &[DVec3]| v.iter().all(|x| x.is_finite());
         let pairs = |v: &[[DVec3; 2]]| vectors(v.as_flattened());

@@ -13,13 +13,11 @@
 
 use super::bodies::State;
 use super::carry::Along;
-use super::guided::{keep_along, Guided};
 use super::lanes::{Lanes, Work};
 use super::momentum::Change;
 use super::pass::pass;
 use super::sweeps::Sweeps;
 use crate::team::{self, lock};
-use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::Mutex;
 
@@ -82,16 +80,7 @@ impl Sweeps {
         rounds[0].age.store(memory.age, Relaxed);
         let parts: Vec<Part> = blocks.iter().map(|_| Part::default()).collect();
         // Of the sweep that ends, summed in the order of the blocks, whatever the threads.
-        let change = || {
-            let nothing = Change::default();
-            parts.iter().fold(nothing, |sum, part| Change {
-                squared: sum.squared + number(&part.squared),
-                closing: sum.closing.max(number(&part.closing)),
-            })
-        };
-        let stride = layout.stride;
-        let place = |g: &Guided| g.place(&layout.state);
-        let guided: Vec<(usize, DVec3)> = guided_bodies.iter().map(place).collect();
+        let change = || changed(&parts);
         let chunks: Vec<_> = states
             .chunks_mut(layout.stride)
             .zip(memory.states.chunks_mut(layout.stride))
@@ -106,9 +95,10 @@ impl Sweeps {
             let [beta, kept] = factors;
             let Some(index) = task.checked_sub(chunks.len()) else {
                 let (states, last) = &mut *lock(&chunks[task]);
-                for &(state, along) in guided.iter().filter(|g| g.0 / stride == task) {
-                    keep_along(&mut states[state % stride], along);
-                }
+                let first = task * layout.stride;
+                guided_bodies
+                    .iter()
+                    .for_each(|g| g.keep_along(states, first));
                 instructions.run(Follow {
                     states,
                     last,
@@ -153,6 +143,14 @@ impl Sweeps {
         self.guide();
         count
     }
+}
+
+/// What all parts of a sweep changed.
+fn changed(parts: &[Part]) -> Change {
+    parts.iter().fold(Change::default(), |sum, part| Change {
+        squared: sum.squared + number(&part.squared),
+        closing: sum.closing.max(number(&part.closing)),
+    })
 }
 
 /// `beta` at an age of the momentum, and 0 if there is none yet, else 1.

@@ -13,7 +13,8 @@ const SHARED: f64 = 5.0;
 /// A guided body and its contacts.
 #[derive(Debug)]
 pub(super) struct Guided {
-    body: u32,
+    /// Number of its state.
+    state: usize,
     along: DVec3,
     /// Numbers of the contacts, and the bodies on their other sides.
     contacts: Vec<(u32, u32)>,
@@ -22,7 +23,13 @@ pub(super) struct Guided {
 }
 
 impl Guided {
-    pub fn new(bodies: &[Body], contacts: &[Contact], (body, along): (u32, [f64; 3])) -> Guided {
+    /// Of the bodies of a problem, whose states have these numbers.
+    pub fn new(
+        bodies: &[Body],
+        states: &[u32],
+        contacts: &[Contact],
+        (body, along): (u32, [f64; 3]),
+    ) -> Guided {
         let touching = |(k, c): (u32, &Contact)| match (c.a == body, c.b == body) {
             (true, _) => Some((k, c.b)),
             (_, true) => Some((k, c.a)),
@@ -40,23 +47,21 @@ impl Guided {
         };
         let sum: f64 = contacts.iter().map(ratio).sum();
         Guided {
-            body,
+            state: states[body as usize] as usize,
             along: along.into(),
             contacts,
             shared: sum > SHARED,
         }
     }
 
-    /// State of the body, and its direction.
-    pub fn place(&self, state: &[u32]) -> (usize, DVec3) {
-        (state[self.body as usize] as usize, self.along)
+    /// Leaves of its velocity what is along its direction, where its state is among these, of which this is the number of the first.
+    pub fn keep_along(&self, states: &mut [State], first: usize) {
+        let own = self.state.checked_sub(first);
+        if let Some(state) = own.and_then(|own| states.get_mut(own)) {
+            let kept = head(&state.linear).dot(self.along) * self.along;
+            state.linear[..3].copy_from_slice(&kept.to_array());
+        }
     }
-}
-
-/// Leaves of a velocity what is along a direction.
-pub(super) fn keep_along(state: &mut State, along: DVec3) {
-    let kept = head(&state.linear).dot(along) * along;
-    state.linear[..3].copy_from_slice(&kept.to_array());
 }
 
 /// What a step of a guided body reads and changes.
@@ -72,7 +77,7 @@ impl Guided {
     /// Adds one impulse to all contacts that press the body, such that the sum of their normal measures vanishes: a step that makes the quadratic
     /// function of the problem least, and that sweeps take as many to make as there are contacts. Whether there was any.
     pub fn settle(&self, parts: &mut Parts) -> bool {
-        let own = parts.state[self.body as usize] as usize;
+        let own = self.state;
         let (mut pressing, mut sum, mut inverse, mut least) = (Vec::new(), 0.0, 0.0, f64::INFINITY);
         for &(contact, other) in &self.contacts {
             let (block, group, lane) = parts.slots.of(contact as usize);

@@ -3,7 +3,7 @@
 use super::bodies::{ContactLanes, State};
 use super::goal::{Norms, Projection};
 use super::groups::{ContactBlock, Slots, Source};
-use super::guided::{keep_along, Guided, Parts};
+use super::guided::{Guided, Parts};
 use super::lanes::{vector, Column, Instructions, EMPTY, SWAPPED};
 use super::layout::{Desk, Layout};
 use super::momentum::Memory;
@@ -99,12 +99,9 @@ impl Sweeps {
             &mut self.desk,
             self.threads,
         )?;
+        let guide = |&g| Guided::new(bodies, &layout.state, contacts, g);
+        self.guided_bodies = self.guided.iter().map(guide).collect();
         (self.blocks, self.layout) = (blocks, layout);
-        let guided = self
-            .guided
-            .iter()
-            .map(|&g| Guided::new(bodies, contacts, g));
-        self.guided_bodies = guided.collect();
         self.radius.extend(bodies.iter().map(|b| b.radius));
         self.pairs = contacts.len();
         self.push();
@@ -191,8 +188,7 @@ impl Sweeps {
     /// smaller changes by it, and the last ones are 0.
     pub(super) fn guide(&mut self) {
         for guided in &self.guided_bodies {
-            let (state, along) = guided.place(&self.layout.state);
-            keep_along(&mut self.states[state], along);
+            guided.keep_along(&mut self.states, 0);
         }
     }
 
