@@ -47,6 +47,7 @@ class Overrides:
         self._scene = scene
         self._base = scene.to_model()
         self._names = {name: i for i, name in enumerate(scene.names)}
+        self._parts = {ball: clump.name for clump in scene.clumps for ball in clump.ball_names()}
         self._kappa = self._base["inertia"] / (self._base["mass"] * self._base["radius"] ** 2)
         self.values: dict[str, F64] = {}
         self._places: dict[str, _Place] = {}
@@ -86,6 +87,11 @@ class Overrides:
         if key == "gravity":
             return _Place("gravity", ()), (3,)
         if key in WIDTHS:
+            if self._parts:
+                raise CaromError(
+                    f"simulate_batch: {quoted(key)} of all balls: the scene has clumps, whose balls move as one;"
+                    f' name the spheres one by one, as "cue.{key}"'
+                )
             width = WIDTHS[key]
             return _Place(key, ()), (len(self._names), *([width] if width else []))
         owner, _, quantity = key.rpartition(".")
@@ -112,6 +118,11 @@ class Overrides:
         if owner not in self._names:
             cure = did_you_mean(owner, list(self._names)[:20])
             raise CaromError(f"simulate_batch: {quoted(key)}: no ball is called {quoted(owner)}; {cure}")
+        if owner in self._parts:
+            raise CaromError(
+                f"simulate_batch: {quoted(key)}: {quoted(owner)} is a part of clump {quoted(self._parts[owner])};"
+                " make a scene for each case, or give the file [parameters]"
+            )
         return self._names[owner]
 
     def _law(self, key: str, owner: str, quantity: str) -> _Place:
@@ -156,7 +167,7 @@ class Overrides:
     def scene(self, case: int) -> Scene:
         """One case as a scene of its own: every ball single, every number written down."""
         model, tree = self.model(case), resolved_tree(self._scene._tree)
-        if len(tree.sphere) != len(self._names):
+        if len(tree.sphere) + len(self._parts) != len(self._names):
             raise CaromError("a case with inflows, or of more than 10 000 balls, is no scene of single balls")
         spheres = [
             sphere.model_copy(

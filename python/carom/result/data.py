@@ -20,8 +20,9 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, counted
+from carom.result.clumps import Clumps
 from carom.result.directory import RunDir, temporary
-from carom.result.kinematics import Frames, Selection, chosen_bodies, chosen_frames
+from carom.result.kinematics import Frames, Part, Selection, chosen_bodies, chosen_frames
 from carom.result.record import Column, Memory, Record, Segments, Writer
 from carom.result.run_json import checked
 from carom.result.tables import (
@@ -169,6 +170,11 @@ class RunData(Frames):
             raise self._segments.damage("/mesh_triangles", str(error)) from error
         return Walls(self, rows, made)
 
+    @cached_property
+    def clumps(self) -> Clumps:
+        """All clumps by name: `result.clumps["rod"].position`, also `orientation`, `velocity`, `kinetic_energy`."""
+        return Clumps(self, self._segments.static("clumps"))
+
     @property
     def plane_names(self) -> list[str]:
         """Names of the planes without end."""
@@ -235,6 +241,9 @@ class RunData(Frames):
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def _parts(self) -> list[Part]:
+        return [Part.of(clump, self._mass()) for clump in self.clumps.values()]
 
     # What happened.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carom.arrays import F64, Array, Bool
+from carom.arrays import F64, I64, Array, Bool
 from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.result.tables import Contacts, Energy, Impacts, Static, Steps, UnknownName
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from carom.result.clumps import Clump
     from carom.result.data import RunData
 
 _Pairs = TypeVar("_Pairs", Impacts, Contacts)
@@ -27,6 +28,33 @@ QUANTITIES = {
     "angular_velocity": ("xyz", "rad/s"),
 }
 """Components and units."""
+
+
+class Part(NamedTuple):
+    """Balls that are parts of one clump, and how it moves; each has a share of what the clump has."""
+
+    balls: I64
+    share: F64
+    """Of each ball, (n,)."""
+    position: F64
+    """Of the centre of mass, (T, 3), m."""
+    velocity: F64
+    angular_momentum: F64
+    """About the centre of mass, (T, 3), N m s."""
+    rotational_energy: F64
+    """(T,), J."""
+
+    @classmethod
+    def of(cls, clump: Clump, mass: F64) -> Self:
+        """All balls of a clump; `mass` (N,) is that of all balls of the run."""
+        own = mass[clump.numbers]
+        motion = clump.position, clump.velocity, clump.angular_momentum, clump.rotational_energy
+        return cls(clump.numbers, own / own.sum(), *motion)
+
+    def chosen(self, frames: NDArray[np.intp], bodies: NDArray[np.intp]) -> Self:
+        """Those among some balls of the run in some frames; their numbers are then those among the balls."""
+        place, at = np.nonzero(bodies[:, None] == self.balls[None])
+        return type(self)(place, self.share[at], *(values[frames] for values in self[2:]))
 
 
 class Frames:
@@ -54,7 +82,7 @@ class Frames:
     @property
     def momentum(self) -> F64:
         """Momentum of all balls together, (T, 3), N s."""
-        return np.asarray(np.einsum("n,tni->ti", self._mass(), self._of_present("velocity")))
+        return np.asarray(np.einsum("n,tni->ti", self._mass(), self._carried("velocity")))
 
     @property
     def angular_momentum(self) -> F64:
@@ -63,22 +91,26 @@ class Frames:
 
     def angular_momentum_about(self, point: ArrayLike) -> F64:
         """The same about another fixed point (3,), m."""
-        arm = self._of_present("position") - np.asarray(point, dtype=np.float64)
-        orbit = np.cross(arm, self._mass()[:, np.newaxis] * self._of_present("velocity"))
+        arm = self._carried("position") - np.asarray(point, dtype=np.float64)
+        orbit = np.cross(arm, self._mass()[:, np.newaxis] * self._carried("velocity"))
         spin = np.asarray(self.bodies["inertia"])[:, np.newaxis] * self._of_present("angular_velocity")
+        for part in self._parts():
+            spin[:, part.balls] = part.share[:, np.newaxis] * part.angular_momentum[:, np.newaxis]
         return np.asarray((orbit + spin).sum(axis=1))
 
     @property
     def kinetic_energy(self) -> F64:
-        """Of each ball, translation and rotation, (T, N), J."""
-        v, w = self._of_present("velocity"), self._of_present("angular_velocity")
-        inertia = np.asarray(self.bodies["inertia"])
-        return np.asarray(0.5 * (self._mass() * (v**2).sum(axis=2) + inertia * (w**2).sum(axis=2)))
+        """Of each ball, translation and rotation, (T, N), J; a ball of a clump has its share of the clump's, by mass."""
+        v, w = self._carried("velocity"), self._of_present("angular_velocity")
+        spin = np.asarray(self.bodies["inertia"]) * (w**2).sum(axis=2)
+        for part in self._parts():
+            spin[:, part.balls] = 2.0 * part.share * part.rotational_energy[:, np.newaxis]
+        return np.asarray(0.5 * (self._mass() * (v**2).sum(axis=2) + spin))
 
     @property
     def potential_energy(self) -> F64:
         """Of each ball in gravity, 0 at the origin, (T, N), J."""
-        height = np.einsum("tni,i->tn", self._of_present("position"), np.asarray(self.gravity))
+        height = np.einsum("tni,i->tn", self._carried("position"), np.asarray(self.gravity))
         return np.asarray(-self._mass() * height)
 
     def to_xarray(self) -> xarray.Dataset:
@@ -129,6 +161,17 @@ class Frames:
 
     def _mass(self) -> F64:
         return np.asarray(self.bodies["mass"])
+
+    def _parts(self) -> list[Part]:
+        """Balls that are parts of clumps."""
+        return []
+
+    def _carried(self, quantity: str) -> F64:
+        """Position or velocity (T, N, 3) for momentum and energy: of a ball of a clump that of the centre of mass."""
+        found = self._of_present(quantity)
+        for part in self._parts():
+            found[:, part.balls] = getattr(part, quantity)[:, np.newaxis]
+        return found
 
     def _of_present(self, quantity: str) -> F64:
         """A quantity (T, N, 3), 0 for balls that are absent."""
@@ -287,6 +330,9 @@ class Selection(Frames):
     def energy(self) -> Energy:
         """Energies of all balls after these steps, (S,), J; of single balls see `kinetic_energy`."""
         return Energy(self.steps)
+
+    def _parts(self) -> list[Part]:
+        return [part.chosen(self._frames, self._bodies) for part in self._result._parts()]
 
     def _table_number(self, index: int) -> int:
         """The number that a body has in tables, from its place in the arrays of this part."""

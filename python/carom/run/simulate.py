@@ -19,7 +19,7 @@ import carom
 from carom import _core
 from carom.errors import CaromError, CaromWarning
 from carom.result.directory import RunDir, now, temporary
-from carom.result.record import Memory, Rows, Writer
+from carom.result.record import Memory, Rows, Writer, clumps
 from carom.result.record.walls import tables
 from carom.result.remarks import remarks
 from carom.result.run_json import continued
@@ -429,6 +429,7 @@ class Run:
         return {
             "bodies": bodies,
             **tables(list(self.wall_names), model),
+            **clumps.table(scene.clumps, model),
             "attributes": attributes,
             "leave_out": [("frames", "walls")] if scene.record.walls is False else [],
         }

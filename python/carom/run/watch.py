@@ -17,6 +17,7 @@ from carom.arrays import F64, Bool
 from carom.errors import CaromError
 from carom.result.kinematics import Body
 from carom.run.loop import Sink
+from carom.scene.assembly.rotations import rotated_back
 from carom.scene.plan import Plan, thinned
 
 if TYPE_CHECKING:
@@ -81,6 +82,14 @@ class State:
         return np.array(frame["free_walls"]) if "free_walls" in frame else np.zeros((0, 2))
 
     @property
+    def clumps(self) -> F64:
+        """Of each clump its centre of mass, m, the unit quaternion of its principal axes, its velocity, m/s, and its angular
+        velocity in the world frame, rad/s: (C, 13).
+        """
+        frame = self._fetch()
+        return np.array(frame["clumps"]) if "clumps" in frame else np.zeros((0, 13))
+
+    @property
     def radius(self) -> F64:
         """Radii, (N,), m."""
         return self._fixed("radius")
@@ -97,9 +106,17 @@ class State:
 
     @property
     def kinetic_energy(self) -> float:
-        """Of translation and rotation of the balls, J."""
-        translation = self.mass @ (self.velocity**2).sum(axis=1)
-        return float(0.5 * (translation + self.inertia @ (self.angular_velocity**2).sum(axis=1)))
+        """Of translation and rotation of the balls and clumps, J."""
+        mass, inertia, of_clumps = self.mass, self.inertia, 0.0
+        for clump, row in zip(self._model.get("clumps", ()), self.clumps, strict=True):
+            parts = slice(*clump["balls"])
+            mass, inertia = mass.copy(), inertia.copy()
+            mass[parts] = inertia[parts] = 0.0
+            spin = rotated_back(row[3:7], row[10:13])
+            of_clumps += clump["mass"] * (row[7:10] @ row[7:10]) + np.array(clump["inertia"]) @ (spin * spin)
+        translation = mass @ (self.velocity**2).sum(axis=1)
+        rotation = inertia @ (self.angular_velocity**2).sum(axis=1)
+        return float(0.5 * (translation + rotation + of_clumps))
 
     @property
     def contacts(self) -> int:

@@ -27,6 +27,7 @@ from carom.scene.messages import Finding, Source
 from carom.scene.notebook import of_scene
 from carom.scene.tables.balls import Generator, Sphere
 from carom.scene.tables.billiard import BilliardTable
+from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
 from carom.scene.tables.joints import Joint
 from carom.scene.tables.loads import Spring
@@ -224,7 +225,7 @@ class Scene(Waller, Attacher, Taker):
 
     @property
     def names(self) -> list[str]:
-        """Names of all balls in the order of the arrays: spheres, packings, racks, lattices, inflows."""
+        """Names of all balls in the order of the arrays: spheres, packings, racks, lattices, clumps, inflows."""
         generated = (g.ball_names() for g in self._generators())
         return [*(s.name for s in self._tree.sphere), *(name for names in generated for name in names)]
 
@@ -259,6 +260,11 @@ class Scene(Waller, Attacher, Taker):
         return tuple(self._tree.contact)
 
     @property
+    def clumps(self) -> tuple[Clump, ...]:
+        """The rigid bodies made of spheres, tables `[[clump]]`."""
+        return tuple(self._tree.clump)
+
+    @property
     def inflows(self) -> tuple[Inflow, ...]:
         """The tables `[[inflow]]`."""
         return tuple(self._tree.inflow)
@@ -276,8 +282,9 @@ class Scene(Waller, Attacher, Taker):
     def _walls(self) -> list[Placed]:
         return walls(self._tree)
 
-    def _generators(self) -> list[Generator | Packing | Inflow]:
-        return [*self._tree.packing, *self._tree.rack, *self._tree.lattice, *self._tree.inflow]
+    def _generators(self) -> list[Generator | Packing | Clump | Inflow]:
+        tree = self._tree
+        return [*tree.packing, *tree.rack, *tree.lattice, *tree.clump, *tree.inflow]
 
     def validate(self) -> list[Problem]:
         """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at once."""
@@ -338,6 +345,7 @@ class Scene(Waller, Attacher, Taker):
             counted(n, what)
             for n, what, always in (
                 (len(self.names), "sphere", True),
+                (len(tree.clump), "clump", False),
                 (len(self.plane_names), "plane", True),
                 (len(self.wall_names) - len(self.plane_names), "other wall", False),
                 (len(tree.contact), "contact law", True),

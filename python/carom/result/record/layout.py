@@ -24,8 +24,9 @@ ENDS = {("frames", "contact_end"): "contacts", ("residuals", "end"): "values"}
 #: The one column whose rows are not the rows of its table: histories of several contact problems, end to end.
 VALUES = ("residuals", "value")
 
-#: Groups of what does not change in a run; `walls` are there if there are others than planes, the last two with meshes.
-STATIC = ("bodies", "planes", "walls", "mesh_points", "mesh_triangles")
+#: Groups of what does not change in a run; `walls` are there if there are others than planes, two with meshes, the last one
+#: with clumps.
+STATIC = ("bodies", "planes", "walls", "mesh_points", "mesh_triangles", "clumps")
 
 #: Columns of static tables that hold text.
 TEXTS = ("name", "shape", "motion", "free")
@@ -76,10 +77,10 @@ NEEDED = ("step", "every", "gravity")
 POSITIVE = ("radius", "mass", "inertia")
 
 #: Columns that a file may be without.
-OPTIONAL = {"motion", "free", "free_walls", "joint_impulse", "walls", "present", "part"}
+OPTIONAL = {"motion", "free", "free_walls", "clumps", "joint_impulse", "walls", "present", "part"}
 
 #: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.
-AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2, "3": 3}
+AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2, "3": 3, "13": 13}
 
 
 class Meaning(NamedTuple):
@@ -118,6 +119,11 @@ MEANINGS: dict[str, Meaning] = {
     "frames/free_walls": Meaning(
         "m, m/s",
         "(frame, free wall, 2) displacement of each free wall along its normal since the start, and its velocity along it",
+    ),
+    "frames/clumps": Meaning(
+        "m, 1, m/s, rad/s",
+        "(frame, clump, 13) centre of mass (xyz), unit quaternion of the principal axes (wxyz), velocity of the centre of"
+        " mass (xyz), angular velocity in the world frame (xyz)",
     ),
     "frames/walls": Meaning(
         "N s, N m s",
@@ -264,6 +270,15 @@ MEANINGS: dict[str, Meaning] = {
     "bodies/mass": Meaning("kg", "masses"),
     "bodies/inertia": Meaning("kg m^2", "moments of inertia about any diameter"),
     "bodies/material": Meaning("1", "index of the material"),
+    "clumps/name": Meaning("1", "names"),
+    "clumps/first": Meaning("1", "index of the first of its balls, which are consecutive bodies"),
+    "clumps/count": Meaning("1", "number of its balls"),
+    "clumps/mass": Meaning("kg", "masses"),
+    "clumps/inertia": Meaning("kg m^2", "(clump, 3) principal moments about the centre of mass"),
+    "clumps/centre": Meaning("m", "(clump, xyz) centre of mass in own axes"),
+    "clumps/axes": Meaning(
+        "1", "(clump, wxyz) unit quaternion of the principal axes in own axes, scalar part first"
+    ),
     "planes/name": Meaning("1", "names"),
     "planes/point": Meaning("m", "(plane, xyz) a point of the plane"),
     "planes/normal": Meaning("1", "(plane, xyz) unit normal, to the side where bodies live"),

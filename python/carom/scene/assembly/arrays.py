@@ -27,6 +27,9 @@ LAW_KEYS = (
     "stiffness_ratio",
 )
 
+GENERATED = ("sphere", "rack", "lattice", "clump", "inflow")
+"""Sections of balls when packings are expanded, in the order of the arrays."""
+
 COHESION = ("cohesion", "rupture_distance")
 """Those of pairs that attract each other; left out where none do, as in all scenes of older runs."""
 
@@ -37,7 +40,7 @@ VARYING = ("friction", "restitution")
 def bodies(tree: Scenario) -> Bodies:
     """All balls of a scenario."""
     tree = with_packings_expanded(tree)
-    entries = {name: list(enumerate(getattr(tree, name))) for name in ("sphere", "rack", "lattice", "inflow")}
+    entries = {name: list(enumerate(getattr(tree, name))) for name in GENERATED}
     return expand(entries, [m.name for m in tree.material])
 
 
@@ -78,6 +81,7 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
         **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in keys},
         **mechanics,
         **_surfaces(surfaces, len(planes), materials),
+        **_clumps(tree, balls),
         **_world(tree, balls),
         "options": tree.run.options(),
     }
@@ -123,6 +127,12 @@ def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) ->
     return {key: rows for key, rows in found if rows}
 
 
+def _clumps(tree: Scenario, balls: Bodies) -> dict[str, Any]:
+    """Clumps, if there are any."""
+    first = {s.index: s.start for s in balls.segments if s.section == "clump"}
+    return {"clumps": [clump.for_core(first[i]) for i, clump in enumerate(tree.clump)]} if tree.clump else {}
+
+
 def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
     """Periods, inflows, outlets and the wishes on what to record, each only if there are any."""
     found: dict[str, Any] = {"record_walls": True} if tree.record.walls else {}
@@ -164,8 +174,8 @@ def with_generators_expanded(tree: Scenario) -> Scenario:
     balls = bodies(tree)
     spheres = list(tree.sphere)
     for segment in balls.segments[len(spheres) :]:
-        if segment.section == "inflow":
-            continue  # what enters later is no sphere of the start
+        if segment.section in ("clump", "inflow"):
+            continue  # clumps are kept whole, and what enters later is no sphere of the start
         table = getattr(tree, segment.section)[segment.index]
         same = table.model_dump(
             include={"material", "radius", "mass", "density", "inertia"}, exclude_none=True
@@ -177,12 +187,15 @@ def with_generators_expanded(tree: Scenario) -> Scenario:
 
 
 def resolved_tree(tree: Scenario) -> Scenario:
-    """The same scenario with generators expanded, the default names of joints and the points of meshes written down."""
+    """The same scenario with generators expanded, the default names of joints, the points of meshes and the
+    masses of clumps written down.
+    """
     tree = with_generators_expanded(tree)
     named = [j.name or default_name(i) for i, j in enumerate(tree.joint)]
     joints = [j.model_copy(update={"name": name}) for j, name in zip(tree.joint, named, strict=True)]
     meshes = [mesh.resolved() for mesh in tree.mesh]
-    return tree.model_copy(update={"joint": joints, "mesh": meshes})
+    clumps = [clump.resolved() for clump in tree.clump]
+    return tree.model_copy(update={"joint": joints, "mesh": meshes, "clump": clumps})
 
 
 def identify(model: Mapping[str, Any]) -> str:

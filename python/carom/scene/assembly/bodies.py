@@ -1,4 +1,4 @@
-"""The scenario as arrays: every ball of every table, in the order spheres, racks, lattices, inflows.
+"""The scenario as arrays: every ball of every table, in the order spheres, racks, lattices, clumps, inflows.
 
 This order is the numbering of the core and of the results. A generator's balls depend on its keys and its
 seed alone: the random numbers are the raw 64-bit output of PCG64, whose stream NumPy promises to keep, and
@@ -16,6 +16,7 @@ from carom.arrays import F64, I64, Bool
 from carom.scene.assembly.vectors import cross, dot, scaled
 from carom.scene.tables.balls import Ball, Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
+from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
 
 Entries = Mapping[str, Sequence[tuple[int, Table]]]
@@ -56,6 +57,24 @@ class Bodies:
                 there[segment.start : segment.stop] = False
         return there
 
+    @property
+    def clump(self) -> I64:
+        """Place in the file of the clump that each ball is a part of, (N,); -1 of the others."""
+        found = np.full(len(self.names), -1)
+        for segment in self.segments:
+            if segment.section == "clump":
+                found[segment.start : segment.stop] = segment.index
+        return found
+
+    @property
+    def whole_mass(self) -> F64:
+        """Mass of the rigid body that each ball is or is a part of, (N,), kg."""
+        found = self.mass.copy()
+        for segment in self.segments:
+            if segment.section == "clump":
+                found[segment.start : segment.stop] = self.mass[segment.start : segment.stop].sum()
+        return found
+
     def origin(self, body: int) -> tuple[str, int]:
         """Section and place in the file of the table that a ball comes from."""
         starts = [segment.start for segment in self.segments]
@@ -64,33 +83,32 @@ class Bodies:
 
 
 def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
-    """All balls of the sections sphere, rack, lattice and inflow."""
+    """All balls of the sections sphere, rack, lattice, clump and inflow."""
     known = {name: i for i, name in enumerate(materials)}
     spheres = [(i, t) for i, t in entries.get("sphere", ()) if isinstance(t, Sphere)]
     segments = [Segment(k, k + 1, "sphere", i) for k, (i, _) in enumerate(spheres)]
     names = [s.name for _, s in spheres]
     balls: list[tuple[Ball, int]] = [(s, 1) for _, s in spheres]
-    coming: list[Inflow] = []  # behind all others
+    behind: list[Clump | Inflow] = []  # whose balls may differ from one another
     n = len(spheres)
     position = [np.array([s.position for _, s in spheres], dtype=float).reshape(n, 3)]
     velocity = [np.array([s.velocity for _, s in spheres], dtype=float).reshape(n, 3)]
-    for section in ("rack", "lattice", "inflow"):
+    for section in ("rack", "lattice", "clump", "inflow"):
         for i, table in entries.get(section, ()):
-            assert isinstance(table, Rack | Lattice | Inflow)
+            assert isinstance(table, Rack | Lattice | Clump | Inflow)
             with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are reported by the checks
                 centres = _centres(table)
             count = len(centres)
             segments.append(Segment(len(names), len(names) + count, section, i))
             names += table.ball_names()
-            if isinstance(table, Inflow):
-                coming.append(table)
+            if isinstance(table, Clump | Inflow):
+                behind.append(table)
             else:
                 balls.append((table, count))
             position.append(centres)
-            start = (0.0, 0.0, 0.0) if isinstance(table, Rack) else table.velocity
-            velocity.append(np.broadcast_to(np.array(start), (count, 3)))
+            velocity.append(_velocities(table, count))
     counts = [count for _, count in balls]
-    kinds = [b.material for b, _ in balls] + [t.material for t in coming]
+    kinds = [b.material for b, _ in balls] + [t.material for t in behind]
 
     def each(first: list[float], others: list[F64]) -> F64:
         return np.concatenate([np.repeat(np.array(first, dtype=float), counts), *others])
@@ -101,25 +119,42 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     orientation[:, 0] = 1.0
     spin[:n] = np.array([s.angular_velocity for _, s in spheres], dtype=float).reshape(n, 3)
     orientation[:n] = np.array([scaled(s.orientation) for _, s in spheres], dtype=float).reshape(n, 4)
+    clumps = dict(entries.get("clump", ()))
+    for segment in segments:
+        if segment.section == "clump":
+            clump = clumps[segment.index]
+            assert isinstance(clump, Clump)
+            spin[segment.start : segment.stop] = clump.angular_velocity
+            orientation[segment.start : segment.stop] = clump.turn()
     return Bodies(
         names=names,
-        radius=each([b.radius for b, _ in balls], [t.radii() for t in coming]),
-        mass=each([b.mass_kg() for b, _ in balls], [t.masses() for t in coming]),
-        inertia=each([b.inertia_kg_m2() for b, _ in balls], [t.inertias() for t in coming]),
+        radius=each([b.radius for b, _ in balls], [t.radii() for t in behind]),
+        mass=each([b.mass_kg() for b, _ in balls], [t.masses() for t in behind]),
+        inertia=each([b.inertia_kg_m2() for b, _ in balls], [t.inertias() for t in behind]),
         position=np.concatenate(position),
         velocity=np.concatenate(velocity),
         angular_velocity=spin,
         orientation=orientation,
         material=np.repeat(
             np.array([known.get(kind, -1) for kind in kinds], dtype=np.int64),
-            [*counts, *(t.count for t in coming)],
+            [*counts, *(t.size() for t in behind)],
         ),
         segments=segments,
     )
 
 
-def _centres(table: Rack | Lattice | Inflow) -> F64:
+def _velocities(table: Rack | Lattice | Clump | Inflow, count: int) -> F64:
+    """Velocities (N, 3) at the start of the balls of a table."""
+    if isinstance(table, Clump):
+        return table.velocities()
+    start = (0.0, 0.0, 0.0) if isinstance(table, Rack) else table.velocity
+    return np.broadcast_to(np.array(start), (count, 3))
+
+
+def _centres(table: Rack | Lattice | Clump | Inflow) -> F64:
     """Centres (N, 3) of the balls of a table."""
+    if isinstance(table, Clump):
+        return table.centres()
     if isinstance(table, Rack):
         return rack_centres(table)
     if isinstance(table, Lattice):

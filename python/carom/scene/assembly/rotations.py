@@ -18,7 +18,7 @@ def rotated(orientation: F64, vector: F64) -> F64:
 
 def rotated_back(orientation: F64, vector: F64) -> F64:
     """`R^T v`: from the fixed axes to the body's."""
-    return rotated(orientation * np.array([1.0, -1.0, -1.0, -1.0]), vector)
+    return rotated(inverse(orientation), vector)
 
 
 def upward(gravity: ArrayLike) -> F64:
@@ -26,3 +26,16 @@ def upward(gravity: ArrayLike) -> F64:
     down = np.asarray(gravity, dtype=np.float64)
     size = float(np.linalg.norm(down))
     return np.asarray(-down / size) if size > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def product(first: ArrayLike, second: ArrayLike) -> F64:
+    """`q p` of quaternions (..., 4): the rotation `p`, then `q`, both about fixed axes."""
+    q, p = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    a, u, b, v = q[..., :1], q[..., 1:], p[..., :1], p[..., 1:]
+    scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
+    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=-1)
+
+
+def inverse(orientation: F64) -> F64:
+    """The opposite rotation of unit quaternions (..., 4)."""
+    return np.asarray(orientation * np.array([1.0, -1.0, -1.0, -1.0]))

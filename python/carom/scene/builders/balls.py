@@ -13,6 +13,7 @@ from carom.scene.arguments import explained
 from carom.scene.messages import from_python
 from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
+from carom.scene.tables.clumps import Clump
 from carom.scene.tables.model import Contact, Material, Scenario
 from carom.scene.tables.packing import Packing
 
@@ -204,6 +205,41 @@ class Builder:
         self.material(material)
         self._tree.lattice.append(lattice)
         return lattice
+
+    @explained
+    def clump(
+        self,
+        name: str,
+        *,
+        spheres: Sequence[Vector] | F64,
+        material: str,
+        position: Vector | None = None,
+        at: Vector | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        inertia: Vector | None = None,
+        centre: Vector | None = None,
+        orientation: Vector | None = None,
+        velocity: Vector | None = None,
+        angular_velocity: Vector | None = None,
+    ) -> Clump:
+        """Add a rigid body made of `spheres`, each [x, y, z, radius] m in own axes, and return it. They may overlap.
+
+        Its balls are called `name` + number, from 1. The origin of its own axes is at `position` (or `at`) m; `orientation`
+        (unit quaternion, w first) turns them to the fixed ones. `mass` kg or `density` kg/m^3; `inertia` about the centre of
+        mass in own axes, kg m^2, three moments or Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, and `centre` of mass m: by default those of
+        the homogeneous body. `velocity` m/s of the centre of mass; `angular_velocity` rad/s in fixed axes.
+        """
+        given = {k: v for k, v in locals().items() if k not in ("self", "at")}
+        label = f"Scene.clump({quoted(name)})"
+        if position is not None and at is not None:
+            raise ScenarioError(
+                [Problem(label, "at", "both position and at are given", "give one, they mean the same")]
+            )
+        clump = make(Clump, label, **{**given, "position": position if at is None else at})
+        self.material(material)
+        self._tree.clump.append(clump)
+        return clump
 
     @explained
     def packing(

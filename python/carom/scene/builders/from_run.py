@@ -9,6 +9,7 @@ import numpy as np
 from carom.errors import CaromError
 from carom.scene.builders.balls import Builder
 from carom.scene.tables.balls import Sphere
+from carom.scene.tables.clumps import Clump
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -19,8 +20,8 @@ class Taker(Builder):
 
     def spheres_from(
         self, result: RunData, frame: int = -1, *, time: float | None = None
-    ) -> tuple[Sphere, ...]:
-        """Add the balls of a run as they are at a frame, and return them: to go on from there in another scene.
+    ) -> tuple[Sphere | Clump, ...]:
+        """Add the balls and clumps of a run as they are at a frame, and return them: to go on from there in another scene.
 
         `frame` counts as in arrays, the last one by default; with `time` (s) it is the nearest one. Names, radii, masses,
         inertias, materials (by name), positions and velocities are those of the run to the last bit, orientations to
@@ -50,8 +51,11 @@ class Taker(Builder):
             for name in ("radius", "mass", "inertia", "material")
         }
         there = np.flatnonzero(np.isfinite(np.asarray(result.position[frame])).all(axis=1)).tolist()
-        taken = []
+        parts = {k for clump in result.clumps.values() for k in clump.numbers.tolist()}
+        taken: list[Sphere | Clump] = []
         for k in there:
+            if k in parts:
+                continue
             radius, mass, inertia = bodies["radius"][k], bodies["mass"][k], bodies["inertia"][k]
             taken.append(
                 self.sphere(
@@ -63,4 +67,11 @@ class Taker(Builder):
                     **{name: values[k] for name, values in state.items()},
                 )
             )
+        for clump, table in zip(result.clumps.values(), result.scene.clumps, strict=True):
+            self.material(table.material)
+            placed = table.placed(clump.position[frame], clump.orientation[frame])
+            placed.velocity = clump.velocity[frame]
+            placed.angular_velocity = clump.angular_velocity[frame]
+            self._tree.clump.append(placed)
+            taken.append(placed)
         return tuple(taken)

@@ -211,8 +211,10 @@ def _much_friction(parts: Parts) -> Iterator[Finding]:
 
 def _never_rolls(parts: Parts) -> Iterator[Finding]:
     bodies, names = parts.bodies(), parts.materials()
+    single = bodies.clump < 0
     smallest = {
-        name: bodies.radius[bodies.material == i].min(initial=math.inf) for i, name in enumerate(names)
+        name: bodies.radius[single & (bodies.material == i)].min(initial=math.inf)
+        for i, name in enumerate(names)
     }
     for i, law in parts.contacts():
         radius = min(smallest.get(name, math.inf) for name in law.between)
@@ -253,8 +255,9 @@ def _mass_ratio(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
     if _has_substeps(parts) or len(bodies.names) < 2:
         return
-    heavy, light = int(bodies.mass.argmax()), int(bodies.mass.argmin())
-    ratio = bodies.mass[heavy] / bodies.mass[light]
+    mass = bodies.whole_mass
+    heavy, light = int(mass.argmax()), int(mass.argmin())
+    ratio = mass[heavy] / mass[light]
     if ratio > MASS_RATIO:
         section, index = bodies.origin(heavy)
         cause = (
@@ -276,6 +279,8 @@ def _presses(plane: Placed, world: World) -> bool:
 def _heavy_shell(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
     for segment in bodies.segments:
+        if segment.section == "clump":  # the inertia is that of the whole
+            continue
         k = segment.start
         hollow = 2.0 / 3.0 * bodies.mass[k] * bodies.radius[k] ** 2
         if bodies.inertia[k] > hollow * (1 + 1e-9):

@@ -202,17 +202,18 @@ def _gains(parts: Parts, world: World, guarded: bool, paper: bool) -> Iterator[t
     """
     bodies, names = parts.bodies(), parts.materials()
     laws = {frozenset(law.between): (i, law) for i, law in parts.contacts()}
-    kinds = [k for k in np.unique(bodies.material).tolist() if k >= 0]
-    count = {k: int((bodies.material == k).sum()) for k in kinds}
+    single = bodies.clump < 0  # impacts of clumps follow other measures
+    kinds = [k for k in np.unique(bodies.material[single]).tolist() if k >= 0]
+    count = {k: int((single & (bodies.material == k)).sum()) for k in kinds}
     for kind in kinds:
-        own = np.flatnonzero(bodies.material == kind)
+        own = np.flatnonzero(single & (bodies.material == kind))
         ball = int(own[bodies.mass[own].argmin()])  # beside it all else is heavy
         mass, radius = float(bodies.mass[ball]), float(bodies.radius[ball])
         spin = mass * radius**2 / float(bodies.inertia[ball])
         partners = []
         for k in kinds:
             if (found := laws.get(frozenset((names[kind], names[k])))) and count[k] > (k == kind):
-                those = np.flatnonzero(bodies.material == k)
+                those = np.flatnonzero(single & (bodies.material == k))
                 heavy = int(those[bodies.mass[those].argmax()])
                 ratio = mass / float(bodies.mass[heavy])
                 r = float(bodies.radius[heavy])

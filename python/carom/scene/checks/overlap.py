@@ -29,6 +29,7 @@ def overlaps(
     tolerance: float = 1e-9,
     most: int = 20,
     periods: Sequence[float] | None = None,
+    together: I64 | None = None,
 ) -> list[Overlap]:
     """The first pairs found whose gap is below `-tolerance` times the smaller radius, at most about `most` of
     them.
@@ -36,9 +37,12 @@ def overlaps(
     The search ends early once it has `most`: spheres that do not overlap cannot crowd a cell, so a crowded
     cell (which would make the search slow) always ends it. `position` (N, 3) and `radius` (N,), both finite,
     m. `periods` (3,) m are those of a periodic world, 0 along axes without: then balls also meet the images of others.
+    Of the spheres with the same number in `together` (N,), if it is not negative, no overlap counts.
     """
+    if together is None:
+        together = np.full(len(radius), -1)
     if periods is not None and any(periods):
-        return _across_periods(position, radius, tolerance, most, periods)
+        return _across_periods(position, radius, tolerance, most, periods, together)
     found: list[Overlap] = []
     size_class = (
         np.floor(np.log2(radius / radius.min())).astype(np.int64) if len(radius) else np.zeros(0, np.int64)
@@ -67,7 +71,7 @@ def overlaps(
                 if same and shift == (0, 0, 0):
                     lo = np.maximum(lo, np.arange(1, len(queries) + 1))  # each pair of the cell once
                 found += _touching(
-                    queries, members, lo, np.maximum(hi, lo), position, radius, tolerance, most
+                    queries, members, lo, np.maximum(hi, lo), position, radius, tolerance, most, together
                 )
                 if len(found) >= most:
                     return sorted(found)[:most]
@@ -75,7 +79,7 @@ def overlaps(
 
 
 def _across_periods(
-    position: F64, radius: F64, tolerance: float, most: int, periods: Sequence[float]
+    position: F64, radius: F64, tolerance: float, most: int, periods: Sequence[float], together: I64
 ) -> list[Overlap]:
     """As `overlaps`, for periods of at least four radii: balls near a border get an image beyond the other one."""
     wrapped, owner = position.copy(), np.arange(len(radius))
@@ -88,14 +92,22 @@ def _across_periods(
             images[:, k] += period
             wrapped, owner = np.concatenate([wrapped, images]), np.concatenate([owner, owner[near]])
     found: dict[tuple[int, int], float] = {}
-    for i, j, gap in overlaps(wrapped, radius[owner], tolerance, 8 * most):
+    for i, j, gap in overlaps(wrapped, radius[owner], tolerance, 8 * most, None, together[owner]):
         a, b = sorted((int(owner[i]), int(owner[j])))
         found[a, b] = gap
     return [(a, b, gap) for (a, b), gap in sorted(found.items())][:most]
 
 
 def _touching(
-    queries: I64, members: I64, lo: I64, hi: I64, position: F64, radius: F64, tolerance: float, most: int
+    queries: I64,
+    members: I64,
+    lo: I64,
+    hi: I64,
+    position: F64,
+    radius: F64,
+    tolerance: float,
+    most: int,
+    together: I64,
 ) -> list[Overlap]:
     """Overlaps of each query with the members lo..hi of its cell."""
     found: list[Overlap] = []
@@ -109,7 +121,9 @@ def _touching(
         this = queries[row]
         distance = np.sqrt(((position[this] - position[other]) ** 2).sum(axis=1))
         gap = distance - radius[this] - radius[other]
-        for k in np.flatnonzero(gap < -tolerance * np.minimum(radius[this], radius[other]))[:most]:
+        deep = gap < -tolerance * np.minimum(radius[this], radius[other])
+        deep &= (together[this] < 0) | (together[this] != together[other])
+        for k in np.flatnonzero(deep)[:most]:
             a, b = sorted((int(this[k]), int(other[k])))
             found.append((a, b, float(gap[k])))
         if len(found) >= most:

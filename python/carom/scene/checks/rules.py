@@ -19,6 +19,7 @@ from carom.scene.assembly.bodies import Bodies, expand
 from carom.scene.assembly.mechanics import MECHANICS
 from carom.scene.assembly.placing import Placed, placed_walls
 from carom.scene.checks.attachments import check_names
+from carom.scene.checks.clumps import check_clumps, check_size, usable_clumps
 from carom.scene.checks.flow import check_flow
 from carom.scene.checks.joint_start import check_start
 from carom.scene.checks.overlap import overlaps
@@ -26,6 +27,7 @@ from carom.scene.checks.walls import MOST, check_periodic, check_walls, start_ov
 from carom.scene.messages import Finding
 from carom.scene.tables.balls import MOST_BALLS, Ball, Generator
 from carom.scene.tables.base import Table
+from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
 from carom.scene.tables.model import Contact, Material, Record, Scenario, World
 from carom.scene.tables.options import RunBase
@@ -76,11 +78,11 @@ class Parts:
     def place(self, body: int) -> tuple[str, int, str]:
         """The key that says where a ball is, with its table."""
         section, index = self.bodies().origin(body)
-        key = {"sphere": "position", "rack": "apex", "lattice": "origin", "inflow": "region"}[section]
-        return section, index, key
+        keys = {"sphere": "position", "rack": "apex", "lattice": "origin", "clump": "position"}
+        return section, index, keys.get(section, "region")
 
 
-BALLS = ("sphere", "rack", "lattice", "inflow")
+BALLS = ("sphere", "rack", "lattice", "clump", "inflow")
 SECTIONS = ("material", "contact", *BALLS, *WALLS, "outlet", *MECHANICS)
 
 
@@ -94,6 +96,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     yield from _names(parts)
     yield from _materials(parts)
     yield from _pairs(parts)
+    yield from check_clumps(parts)
     wrong_names = list(check_names(parts))
     yield from wrong_names
     if len(parts.bodies().names) == 0:
@@ -106,6 +109,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     if not bad_numbers:
         yield from check_walls(parts)
         yield from check_periodic(parts, parts.world)
+        yield from check_size(parts)
         yield from check_flow(parts)
         yield from _overlaps(parts)
         if not wrong_names and not parts.balls_damaged():
@@ -140,7 +144,7 @@ def _crowd(parts: Parts) -> Iterator[Finding]:
     total = 0
     for section in BALLS:
         for i, table in parts.entries[section]:
-            total += table.size() if isinstance(table, Generator | Inflow) else 1
+            total += table.size() if isinstance(table, Generator | Clump | Inflow) else 1
             if total > MOST_BALLS:
                 cause = f"with this table there are more than {MOST_BALLS} balls"
                 yield Finding((section, i), cause, "reduce their number")
@@ -188,7 +192,8 @@ def _repeated(names: Sequence[str]) -> Iterator[int]:
 
 
 def _rename(section: str) -> str:
-    return "give one another name" if section == "sphere" else "change name (the prefix) or first_number"
+    single = section in ("sphere", "clump")
+    return "give one another name" if single else "change name (the prefix) or first_number"
 
 
 def _materials(parts: Parts) -> Iterator[Finding]:
@@ -197,7 +202,7 @@ def _materials(parts: Parts) -> Iterator[Finding]:
     cure = 'add [[material]] name = "..."' if not known else ""
     for section in (*BALLS, *WALLS):
         for i, table in parts.entries[section]:
-            assert isinstance(table, Ball | Inflow | Wall)
+            assert isinstance(table, Ball | Clump | Inflow | Wall)
             if table.material not in admitted:
                 hint = cure or did_you_mean(table.material, known)
                 yield Finding((section, i, "material"), f"unknown material {quoted(table.material)}", hint)
@@ -233,14 +238,17 @@ def _pairs(parts: Parts) -> Iterator[Finding]:
 
 def meetings(parts: Parts) -> dict[tuple[str, str], str]:
     """Pairs of materials that can meet (walls do not meet walls), with two bodies that show it."""
-    first: dict[str, list[str]] = {}  # the first two balls of each material
+    first: dict[str, list[str]] = {}  # the first two balls of each material that are no parts of one clump
     bodies = parts.bodies()
     names = parts.materials()
-    kinds, starts, counts = np.unique(bodies.material, return_index=True, return_counts=True)
-    for kind, start, count in zip(kinds, starts, counts, strict=True):
+    kinds, starts = np.unique(bodies.material, return_index=True)
+    clump = bodies.clump
+    for kind, start in zip(kinds, starts, strict=True):
         if kind >= 0:
-            second = np.flatnonzero(bodies.material == kind)[1] if count > 1 else start
-            first[names[kind]] = [bodies.names[start], bodies.names[second]][: int(count)]
+            apart = (clump < 0) | (clump != clump[start])
+            apart[start] = False
+            others = np.flatnonzero((bodies.material == kind) & apart)[:1].tolist()
+            first[names[kind]] = [bodies.names[k] for k in (start, *others)]
     found: dict[tuple[str, str], str] = {}
     ordered = list(first)
     for k, a in enumerate(ordered):
@@ -267,13 +275,19 @@ def _usable_numbers(parts: Parts) -> Iterator[Finding]:
     unusable = False
     for segment in bodies.segments:
         for key, values, least, most in limits:
-            value = values[segment.start]
-            if not least <= value <= most:
-                cause = f"{key} comes to {value:g}, outside {least:g} to {most:g}"
-                yield Finding((segment.section, segment.index, key), cause, "check the units")
+            several = values[
+                segment.start : segment.stop if segment.section == "clump" else segment.start + 1
+            ]
+            wrong = several[~((several >= least) & (several <= most))]  # also catches nan
+            if len(wrong):
+                cause = f"{key} comes to {wrong[0]:g}, outside {least:g} to {most:g}"
+                place = "spheres" if segment.section == "clump" else key
+                yield Finding((segment.section, segment.index, place), cause, "check the units")
                 unusable = True
                 break  # mass and inertia follow from the radius
-    if unusable:
+    moments = [] if unusable else list(usable_clumps(parts))
+    yield from moments
+    if unusable or moments:
         return
     far = ~(np.abs(bodies.position).max(axis=1) <= 1e12 * bodies.radius)  # also catches nan
     for body in np.flatnonzero(far)[:MOST]:
@@ -286,7 +300,8 @@ def _overlaps(parts: Parts) -> Iterator[Finding]:
     there = np.flatnonzero(bodies.present)
     position, radius = bodies.position[there], bodies.radius[there]
     periods = parts.world.periodic if parts.world is not None else None
-    for first, second, gap in overlaps(position, radius, start_overlap(parts), MOST, periods):
+    together = bodies.clump[there]
+    for first, second, gap in overlaps(position, radius, start_overlap(parts), MOST, periods, together):
         a, b = int(there[first]), int(there[second])
         names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
         cause = f"spheres {names} overlap at the start, gap {gap:.4g} m"

@@ -116,6 +116,38 @@ class Vectors(Checked):
 
 
 @dataclass(frozen=True)
+class BallPlace(Vector):
+    """Centre and radius of a ball, the radius above 0."""
+
+    dimension: str = "length"
+    size: int = 4
+    form: str = "[x, y, z, radius]"
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        place = super().check(value)
+        if not place[3] > 0:
+            raise inside(3, refuse(f"a radius must be positive, found {place[3]:g}", "write one above 0"))
+        return place
+
+
+@dataclass(frozen=True)
+class Tensor(Checked):
+    """A tensor of inertia: the moments about the axes, or these and Jxy, Jxz, Jyz, as a tuple of 3 or 6."""
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        value = as_list(value)
+        if not isinstance(value, list | tuple) or len(value) not in (3, 6):
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            cure = "write [J1, J2, J3] or [Jxx, Jyy, Jzz, Jxy, Jxz, Jyz] in kg m^2"
+            raise refuse(f"expected a list of 3 or 6 moments of inertia, found {found}", cure)
+        return tuple(each(value, Quantity("moment of inertia").check))
+
+    def json_schema(self) -> dict[str, Any]:
+        items = Quantity("moment of inertia").json_schema()
+        return {"anyOf": [{"type": "array", "items": items, "minItems": n, "maxItems": n} for n in (3, 6)]}
+
+
+@dataclass(frozen=True)
 class Quaternion(Vector):
     """A unit quaternion, w first; kept as written (the arrays of the model hold it normalised)."""
 

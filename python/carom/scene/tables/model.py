@@ -14,6 +14,7 @@ from pydantic import model_validator
 from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
 from carom.scene.tables.billiard import BilliardTable
+from carom.scene.tables.clumps import Clump
 from carom.scene.tables.fields import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -164,6 +165,7 @@ class Scenario(Table):
     sphere: list[Sphere] = key("single balls", default_factory=list)
     rack: list[Rack] = key("billiard racks", default_factory=list)
     lattice: list[Lattice] = key("grids of balls", default_factory=list)
+    clump: list[Clump] = key("rigid bodies made of spheres", default_factory=list)
     packing: list[Packing] = key("random packings of balls", default_factory=list)
     inflow: list[Inflow] = key("balls that enter in the course of the run", default_factory=list)
     outlet: list[Outlet] = key("boxes in which balls leave the run", default_factory=list)
@@ -196,6 +198,7 @@ REPEATED: dict[str, type[Table]] = {
     "sphere": Sphere,
     "rack": Rack,
     "lattice": Lattice,
+    "clump": Clump,
     "packing": Packing,
     "inflow": Inflow,
     "outlet": Outlet,

@@ -19,7 +19,7 @@ from carom.errors import did_you_mean, quoted
 from carom.scene.messages import nested
 from carom.scene.tables.fields import Checked, Integer, Quantity
 from carom.scene.tables.laws import Law, LawVector
-from carom.scene.tables.lists import Integers, Vector, Vectors
+from carom.scene.tables.lists import Integers, Tensor, Vector, Vectors
 from carom.scene.tables.model import REPEATED, SINGLE
 from carom.scene.toml.formulas import Formulas, Kind, finite, is_formula
 from carom.scene.toml.lines import Path
@@ -30,7 +30,7 @@ GIVEN = -1
 """First part of the path of a value that was given by the caller; no key of a file is a number."""
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-_NUMERIC = (Quantity, Vector, Vectors, Law, LawVector, Integer, Integers)
+_NUMERIC = (Quantity, Vector, Vectors, Tensor, Law, LawVector, Integer, Integers)
 
 
 @dataclass(frozen=True)

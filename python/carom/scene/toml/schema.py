@@ -20,6 +20,7 @@ def json_schema() -> dict[str, Any]:
         ("Sphere", ("mass", "density")),
         ("Lattice", ("mass", "density")),
         ("Rack", ("mass", "density")),
+        ("Clump", ("mass", "density")),
     ):
         schema["$defs"][name]["oneOf"] = [{"required": [key]} for key in keys]
     schema["$defs"]["Packing"]["oneOf"] = [{"required": ["count"]}, {"required": ["fraction"]}]

@@ -1,0 +1,158 @@
+"""`result.clumps`: how the rigid bodies made of spheres moved.
+
+The core gives the pose of the principal axes; here it is that of the own axes, in which the scenario has the spheres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from carom.arrays import F64, I64
+from carom.errors import did_you_mean
+from carom.result.record.clumps import COLUMNS
+from carom.result.tables import UnknownName
+from carom.scene.assembly.rotations import inverse, product, rotated, rotated_back
+
+if TYPE_CHECKING:
+    from carom.result.data import RunData
+
+
+class Clump:
+    """One clump of a result: `result.clumps["rod"].position` is (T, 3)."""
+
+    def __init__(self, result: RunData, index: int, facts: Mapping[str, Any]) -> None:
+        self._result = result
+        self.index = index
+        """Number among the clumps."""
+        self.name = str(facts["name"])
+        self.mass = float(facts["mass"])
+        """kg."""
+        first = int(facts["first"])
+        self.numbers: I64 = np.arange(first, first + int(facts["count"]))
+        """Numbers of its balls, (n,)."""
+        self.moments: F64 = np.asarray(facts["inertia"], dtype=np.float64)
+        """Principal moments of inertia, (3,), kg m^2."""
+        self.axes: F64 = np.asarray(facts["axes"], dtype=np.float64)
+        """Unit quaternion, scalar part first, (4,): principal axes to own axes."""
+        self.centre: F64 = np.asarray(facts["centre"], dtype=np.float64)
+        """Centre of mass in own axes, (3,), m."""
+
+    @property
+    def balls(self) -> list[str]:
+        """Names of its balls."""
+        names = self._result.names
+        return [names[k] for k in self.numbers.tolist()]
+
+    @cached_property
+    def inertia(self) -> F64:
+        """Tensor of inertia about the centre of mass, own axes, (3, 3), kg m^2."""
+        turned = rotated(self.axes, np.eye(3)).T  # principal to own axes
+        return np.asarray(turned @ np.diag(self.moments) @ turned.T)
+
+    @property
+    def time(self) -> Any:
+        """Times of the frames, (T,), s."""
+        return self._result.time
+
+    @property
+    def position(self) -> F64:
+        """Centre of mass, (T, 3), m."""
+        return self._columns(0, 3)
+
+    @property
+    def principal_orientation(self) -> F64:
+        """Unit quaternions, scalar part first, (T, 4): principal axes to fixed axes."""
+        return self._columns(3, 7)
+
+    @cached_property
+    def orientation(self) -> F64:
+        """Unit quaternions, scalar part first, (T, 4): own axes to fixed axes."""
+        return product(self.principal_orientation, inverse(self.axes))
+
+    @cached_property
+    def origin(self) -> F64:
+        """Origin of the own axes, (T, 3), m: `position` of its table as the clump moves."""
+        return self.position - rotated(self.orientation, self.centre)
+
+    @property
+    def velocity(self) -> F64:
+        """Velocity of the centre of mass, (T, 3), m/s."""
+        return self._columns(7, 10)
+
+    @property
+    def angular_velocity(self) -> F64:
+        """Angular velocity in the world frame, (T, 3), rad/s."""
+        return self._columns(10, 13)
+
+    @cached_property
+    def angular_momentum(self) -> F64:
+        """Angular momentum about the centre of mass in the world frame, (T, 3), N m s."""
+        turn = self.principal_orientation
+        return rotated(turn, self.moments * rotated_back(turn, self.angular_velocity))
+
+    @cached_property
+    def rotational_energy(self) -> F64:
+        """Kinetic energy of the rotation, (T,), J."""
+        return np.asarray(0.5 * (self.angular_momentum * self.angular_velocity).sum(axis=1))
+
+    @property
+    def kinetic_energy(self) -> F64:
+        """Kinetic energy of translation and rotation, (T,), J."""
+        return np.asarray(0.5 * self.mass * (self.velocity**2).sum(axis=1) + self.rotational_energy)
+
+    def _columns(self, first: int, end: int) -> F64:
+        found: F64 = np.asarray(self._result._segments.column("frames", "clumps")[:, self.index, first:end])
+        return found
+
+    def __repr__(self) -> str:
+        return f"<clump {self.name!r}: {len(self.numbers)} balls, mass {self.mass:g} kg, {len(self.time)} frames>"
+
+
+class Clumps(Mapping[str, Clump]):
+    """All clumps of a result by name, in the order of the scenario; `table` is the static one of the file."""
+
+    def __init__(self, result: RunData, table: Mapping[str, Any]) -> None:
+        names = [str(name) for name in table["name"]]
+        if names:
+            _check(result, table, len(names))
+        self._clumps = {
+            name: Clump(result, k, {key: column[k] for key, column in table.items()})
+            for k, name in enumerate(names)
+        }
+
+    def __getitem__(self, name: str) -> Clump:
+        try:
+            return self._clumps[name]
+        except KeyError:
+            known = list(self._clumps)
+            raise UnknownName(f"no clump is called {name!r}; {did_you_mean(str(name), known[:20])}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._clumps)
+
+    def __len__(self) -> int:
+        return len(self._clumps)
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} clumps: {', '.join(self)}>"
+
+
+def _check(result: RunData, table: Mapping[str, Any], count: int) -> None:
+    """Raise if the table and the column of frames do not fit the balls of the run, or one another."""
+    damage = result._segments.damage
+    first, several = np.asarray(table["first"]), np.asarray(table["count"])
+    if ((first < 0) | (several < 1) | (first + several > len(result.names))).any():
+        raise damage("/clumps/first", "a clump has balls that are not there")
+    for name in ("mass", "inertia", "centre", "axes"):
+        values = np.asarray(table[name])
+        if not np.isfinite(values).all() or (name in ("mass", "inertia") and (values <= 0).any()):
+            raise damage(f"/clumps/{name}", "a number is not finite, or not above 0")
+    if "clumps" not in result._segments.columns("frames"):
+        raise damage("/frames/clumps", "it is not there, and the run has clumps")
+    shape = result._segments.column("frames", "clumps").shape[1:]
+    if shape != (count, COLUMNS):
+        raise damage("/frames/clumps", f"its rows have shape {shape}, not {(count, COLUMNS)}")

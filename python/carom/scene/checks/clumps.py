@@ -1,0 +1,95 @@
+"""Rules about clumps: what is computed together with them, and what their numbers may be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.errors import quoted
+from carom.scene.assembly.mechanics import MECHANICS
+from carom.scene.messages import Finding
+from carom.scene.tables.clumps import Clump
+from carom.scene.tables.impact_laws import LAWS
+
+if TYPE_CHECKING:
+    from carom.scene.checks.rules import Parts
+
+LEAVE_OUT = {
+    "joint": "joints do",
+    "load": "loads do",
+    "spring": "springs do",
+    "drag": "drag does",
+    "load_function": "Python functions do",
+    "inflow": "inflows do",
+    "outlet": "outlets do",
+}
+"""What does not act in a scene with clumps yet, by section."""
+MOMENTS = (1e-90, 1e90)
+"""Moments of inertia between these, kg m^2, as of spheres."""
+
+
+def check_clumps(parts: Parts) -> Iterator[Finding]:
+    """What a scene with clumps may not have."""
+    if not parts.entries["clump"]:
+        return
+    yield from _options(parts)
+    for section in (*MECHANICS, "inflow", "outlet"):
+        for i, _ in parts.entries[section][:1]:
+            cause = f"{LEAVE_OUT[section]} not act in a scene with clumps yet"
+            yield Finding((section, i), cause, "leave this table out, or take spheres in place of clumps")
+    for i, contact in parts.contacts():
+        if contact.cohesion:
+            cause = "cohesion does not act in a scene with clumps yet"
+            cure = "leave cohesion out, or take spheres in place of clumps"
+            yield Finding(("contact", i, "cohesion"), cause, cure)
+            break
+
+
+def _options(parts: Parts) -> Iterator[Finding]:
+    """The method and what positions and impacts follow."""
+    if parts.run is None:
+        return
+    options = parts.run.options()
+    if options["method"] != "nsga":
+        cause = f"clumps need method nsga, found {options['method']}"
+        yield Finding(("run", "method"), cause, 'write method = "nsga", or take spheres in place of clumps')
+    if options["position_friction"] != "once":
+        cause = f"clumps need position_friction once, found {options['position_friction']}"
+        yield Finding(("run", "position_friction"), cause, 'write position_friction = "once", the default')
+    if LAWS[options["impact"]].restitution == "printed":
+        cause = f"clumps need another impact law than {options['impact']}"
+        yield Finding(("run", "impact"), cause, 'write impact = "sequence", the default')
+
+
+def usable_clumps(parts: Parts) -> Iterator[Finding]:
+    """Sizes and masses at which squares and cubes neither overflow nor vanish."""
+    for i, clump in parts.entries["clump"]:
+        assert isinstance(clump, Clump)
+        body, (least, most) = clump.body(), MOMENTS
+        wrong = [moment for moment in body.moments if not least <= moment <= most]
+        if wrong:
+            cause = f"a principal moment comes to {wrong[0]:g}, outside {least:g} to {most:g}"
+            yield Finding(
+                ("clump", i, "spheres" if clump.inertia is None else "inertia"), cause, "check the units"
+            )
+
+
+def check_size(parts: Parts) -> Iterator[Finding]:
+    """In a periodic world a clump must not meet itself."""
+    periods = parts.world.periodic if parts.world is not None else None
+    if periods is None or not any(periods):
+        return
+    for i, clump in parts.entries["clump"]:
+        assert isinstance(clump, Clump)
+        balls = np.array(clump.spheres)
+        centre, radius = balls[:, :3], balls[:, 3]
+        apart = np.linalg.norm(centre[:, None] - centre[None], axis=2) + radius[:, None] + radius[None]
+        longest = float(apart.max())
+        for k, period in enumerate(periods):
+            if 0 < period <= longest:
+                cause = f"clump {quoted(clump.name)} is {longest:g} m long, and the period along {'xyz'[k]} {period:g} m"
+                cure = f"give a period above {longest:g} m: with less, the clump could meet itself"
+                yield Finding(("clump", i, "spheres"), cause, cure)
+                break
