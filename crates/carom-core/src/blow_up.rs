@@ -58,12 +58,15 @@ pub(crate) fn find(model: &Model, state: &State, scratch: &Scratch, h: f64) -> R
             energy += weight_potential(model, i, x);
         }
         if !carried([&scratch.linear[i], &scratch.angular[i]]).is_finite() {
-            return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, i as u32)));
+            return Err(Failure::BlowUp(BlowUp::alone(
+                Level::Smooth,
+                model.named(i as u32),
+            )));
         }
         let way = (x - state.position[i]) / h;
         let slow = within_bounds(v, w) && within_bounds(way, DVec3::ZERO);
         if !(energy.is_finite() && slow) {
-            return Err(Failure::BlowUp(locate(scratch, i, (v, way), h)));
+            return Err(Failure::BlowUp(locate(model, scratch, i, (v, way), h)));
         }
     }
     Ok(())
@@ -71,9 +74,9 @@ pub(crate) fn find(model: &Model, state: &State, scratch: &Scratch, h: f64) -> R
 
 /// Where the motion of sphere `i`, of velocity `v` after a step of `h` in which it went `way` (a mean velocity), left the numbers:
 /// at which level, and at which contact.
-fn locate(scratch: &Scratch, i: usize, (v, way): (DVec3, DVec3), h: f64) -> BlowUp {
+fn locate(model: &Model, scratch: &Scratch, i: usize, (v, way): (DVec3, DVec3), h: f64) -> BlowUp {
     let (linear, angular) = (&scratch.linear[i], &scratch.angular[i]);
-    let body = i as u32;
+    let body = model.named(i as u32);
     let smooth = within_bounds(linear.velocity, angular.velocity)
         && within_bounds(linear.displacement / h, angular.displacement / h);
     if !smooth {

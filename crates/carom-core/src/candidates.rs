@@ -1,5 +1,6 @@
 //! Candidate contacts of a step: pairs of the list that are near after the smooth step, and those that come to overlap later.
 
+use crate::clump;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::model::Model;
 use crate::outcome::Failure;
@@ -20,7 +21,7 @@ const PAIRS: usize = 8_192;
 #[inline]
 pub(crate) fn list(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     let (list, walls, n) = (&mut scratch.neighbours, &mut scratch.walls, model.balls());
-    walls.place_free(model, Some(&state.position[n..]));
+    walls.place_free(model, Some(&state.position[model.first_wall()..]));
     list.refresh(
         &state.position[..n],
         &model.radius[..n],
@@ -194,7 +195,7 @@ fn near(
     pair: (u32, u32),
     margin: f64,
 ) -> Result<Option<NearPair>, Failure> {
-    let (i, j, n) = (pair.0 as usize, pair.1 as usize, model.balls());
+    let (i, j, n) = (pair.0 as usize, pair.1 as usize, model.first_wall());
     let ra = model.radius[i];
     // A list may be older than the removal of a ball.
     if !state.present[i] || state.present.get(j) == Some(&false) {
@@ -249,7 +250,7 @@ fn begin(
     c: &mut Contact,
 ) -> Result<(), Failure> {
     let ((a, b), law) = (near.pair, &model.laws[near.law as usize]);
-    let (i, j, n) = (a as usize, b as usize, model.balls());
+    let (i, j, n) = (a as usize, b as usize, model.first_wall());
     let (ra, x) = (model.radius[i], state.position[i]);
     let once = model.options.loads_once();
     c.forget(once);
@@ -370,7 +371,7 @@ fn join_overlapping(
     };
     let (linear, shift) = (&scratch.linear, &scratch.shift);
     let way = |i: usize| linear[i].displacement + shift[i][0];
-    let of_walls = (model.balls()..model.bodies()).map(|i| way(i).length());
+    let of_walls = (model.first_wall()..model.bodies()).map(|i| way(i).length());
     let reach = model.cohesive_reach() + of_walls.fold(0.0, f64::max);
     team::fill(threads, &mut scratch.need, |i| {
         let near = margin.max(CANDIDATE_MARGIN) * model.radius[i];
@@ -411,7 +412,7 @@ fn join_overlapping(
     })?;
     let overlapping = |near: &NearPair| {
         let (i, j) = (near.pair.0 as usize, near.pair.1 as usize);
-        let rb = if j < model.balls() {
+        let rb = if j < model.first_wall() {
             model.radius[j]
         } else {
             f64::INFINITY
@@ -470,4 +471,5 @@ pub(crate) fn start_over(model: &Model, state: &State, scratch: &mut Scratch) {
         let smooth = state.position[i] + linear[i].displacement;
         by_loads.get(i).map_or(smooth, |by| smooth + by[0])
     });
+    clump::turn_back(model, state, scratch);
 }

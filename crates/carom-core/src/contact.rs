@@ -18,7 +18,7 @@ pub const CANDIDATE_MARGIN: f64 = 1e-2;
 pub struct Contact {
     /// Body A: a sphere.
     pub a: u32,
-    /// Body B: a sphere of larger index, or wall `b - N` of N balls.
+    /// Body B: a sphere of larger index, or a wall, which are behind balls and clumps.
     pub b: u32,
     pub law: u32,
     /// mu, rho, delta in this step.
@@ -102,7 +102,7 @@ impl Contact {
     /// Whether body B is any wall.
     #[inline]
     pub fn meets_wall(&self, model: &Model) -> bool {
-        self.b as usize >= model.balls()
+        self.b as usize >= model.first_wall()
     }
 
     /// Whether body B is a free wall, which impulses move along the normal alone.

@@ -1,6 +1,7 @@
 //! The end of a step: line 41 of Algorithm 1, the new state, energies and penetration. Nothing of the state was written before.
 
 use crate::blow_up::{self, Watch};
+use crate::clump;
 use crate::cohesion;
 use crate::contact::Contact;
 use crate::force::total::{motion_of, power, weight_potential};
@@ -37,7 +38,9 @@ impl Sums {
 pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
     let (model, coefficients, span) = (on.model, on.coefficients, on.span);
     let (state, scratch, report) = (&mut *on.state, &mut *on.scratch, &mut *on.report);
-    let sums = end_motion(model, state, scratch, coefficients);
+    clump::give_jumps(model, scratch);
+    let mut sums = end_motion(model, state, scratch, coefficients);
+    sums.kinetic += clump::kinetic_beyond(model, scratch);
     let mut potential = sums.potential;
     if !(sums.watch.is_calm(span.h) && (sums.kinetic + potential).is_finite()) {
         blow_up::find(model, state, scratch, span.h)?;
@@ -58,7 +61,7 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         scratch.attraction = cohesion::potential(model, state, scratch, &scratch.position)?;
         potential += scratch.attraction;
     }
-    for (wall, i) in model.free_walls.iter().zip(model.balls()..) {
+    for (wall, i) in model.free_walls.iter().zip(model.first_wall()..) {
         let way = [state.position[i], scratch.position[i]];
         report.energy_work += wall.work(span, way);
     }

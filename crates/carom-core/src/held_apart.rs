@@ -1,6 +1,7 @@
-//! Pairs of spheres whose joints keep their centres at one distance, or join them where they touch. They have no contact: joints hold its normal
-//! already, so that nothing would determine its force (`docs/theory/algorithm.md`, section 7).
+//! Pairs of spheres of one clump, and those whose joints keep their centres at one distance, or join them where they touch. They have no contact:
+//! joints hold its normal already, so that nothing would determine its force (`docs/theory/algorithm.md`, section 7).
 
+use crate::clump::Clump;
 use crate::joint::{outer, Joint, JointRow, RowKind};
 use carom_laws::Scalar;
 use carom_solve::clusters::{apart, Forest};
@@ -16,7 +17,7 @@ const AT_SURFACE: f64 = 1e-3;
 /// These pairs, of a model.
 #[derive(Clone, Debug, Default)]
 pub struct HeldApart {
-    /// The lowest sphere of the clump that each sphere belongs to; empty without joints.
+    /// The lowest sphere of the clump, given or made by joints, that each sphere belongs to; empty without joints and clumps.
     clump: Vec<u32>,
     /// Pairs that a rod or a ball joint holds, in their order.
     pairs: Vec<(u32, u32)>,
@@ -25,9 +26,9 @@ pub struct HeldApart {
 }
 
 impl HeldApart {
-    pub fn new(joints: &[Joint], radius: &[f64]) -> HeldApart {
+    pub fn new(joints: &[Joint], radius: &[f64], clumps: &[Clump]) -> HeldApart {
         let spheres = radius.len();
-        if joints.is_empty() {
+        if joints.is_empty() && clumps.is_empty() {
             return HeldApart::default();
         }
         let key = |j: &Joint| (j.a.min(j.b), j.a.max(j.b));
@@ -45,6 +46,10 @@ impl HeldApart {
             {
                 clump.join(same[0].a, same[0].b);
             }
+        }
+        for balls in clumps.iter().map(|c| &c.balls) {
+            let first = balls.start as u32;
+            (balls.start + 1..balls.end).for_each(|ball| clump.join(first, ball as u32));
         }
         let clump = (0..spheres as u32).map(|i| clump.root(i)).collect();
         let mut jointed = vec![false; spheres];
@@ -155,7 +160,7 @@ mod tests {
             joint(6, 5, RowKind::Point, &AXES, DVec3::Y),
             touching(7, 8),
         ];
-        let held = HeldApart::new(&joints, &[0.5; 9]);
+        let held = HeldApart::new(&joints, &[0.5; 9], &[]);
         for pair in [(0, 1), (1, 2), (0, 2), (3, 4), (5, 6), (7, 8)] {
             assert!(held.holds(pair), "{pair:?}");
         }
@@ -179,10 +184,10 @@ mod tests {
             joint(8, GROUND, RowKind::Point, &AXES, DVec3::ZERO),
             joint(9, GROUND, RowKind::Point, &AXES, DVec3::ZERO),
         ];
-        let held = HeldApart::new(&joints, &[0.5; 10]);
+        let held = HeldApart::new(&joints, &[0.5; 10], &[]);
         for pair in [(0, 1), (2, 3), (4, 5), (6, 7), (8, 9)] {
             assert!(!held.holds(pair), "{pair:?}");
         }
-        assert!(!HeldApart::new(&[], &[0.5; 4]).holds((0, 1)));
+        assert!(!HeldApart::new(&[], &[0.5; 4], &[]).holds((0, 1)));
     }
 }

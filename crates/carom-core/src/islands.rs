@@ -1,9 +1,12 @@
 //! Islands: contacts, joints and loads joined by spheres (walls and ground do not join), in a fixed order.
 
 use crate::contact::Contact;
-use crate::model::{Link, LinkKind};
+use crate::model::{Link, LinkKind, Model};
 use carom_solve::clusters::Forest;
 use carom_solve::team;
+
+/// End of a contact at a wall that does not move freely.
+const WALL: u32 = u32::MAX - 1;
 
 /// Ends of a contact that is not admitted.
 const NONE: [u32; 2] = [u32::MAX; 2];
@@ -12,7 +15,7 @@ const NONE: [u32; 2] = [u32::MAX; 2];
 #[derive(Default)]
 pub struct Islands {
     threads: usize,
-    /// Bodies of the contacts, [`NONE`] where one is not admitted: what a contact says besides would fill the caches.
+    /// Movers of the contacts, [`NONE`] where one is not admitted: what a contact says besides would fill the caches.
     ends: Vec<[u32; 2]>,
     parent: Vec<u32>,
     /// Island of each root body, `u32::MAX` where none.
@@ -57,7 +60,7 @@ impl Islands {
     /// appear in the order of their first contact, then of their first joint; a load alone makes none.
     pub fn build(
         &mut self,
-        spheres: usize,
+        model: &Model,
         contacts: &[Contact],
         links: &[Link],
         select: impl Fn(&Contact) -> bool + Sync,
@@ -66,20 +69,22 @@ impl Islands {
             groups.members.clear();
             groups.starts.clear();
         }
-        if links.is_empty() && contacts.iter().all(|c| c.b as usize >= spheres) {
+        let spheres = model.bodies();
+        let alone = |c: &Contact| c.is_wall(model) && model.clump_of(c.a).is_none();
+        if links.is_empty() && contacts.iter().all(alone) {
             self.build_apart(contacts, select);
             return;
         }
         self.ends.resize(contacts.len(), NONE);
         team::fill(self.threads, &mut self.ends, |k| match &contacts[k] {
-            c if select(c) => [c.a, c.b],
+            c if select(c) => [c.a, c.b].map(|body| model.mover(body).unwrap_or(WALL)),
             _ => NONE,
         });
         self.parent.clear();
         self.parent.extend(0..spheres as u32);
         let ends = std::mem::take(&mut self.ends);
         for &[a, b] in &ends {
-            if (b as usize) < spheres {
+            if b < WALL {
                 self.parent.join(a, b);
             }
         }

@@ -7,6 +7,7 @@ mod all_islands;
 pub mod blow_up;
 pub mod build;
 mod candidates;
+pub mod clump;
 mod cohesion;
 pub mod contact;
 mod cures;

@@ -1,5 +1,6 @@
 //! What is simulated: compiled, immutable, arrays and integer ids.
 
+use crate::clump::Clump;
 use crate::flow::Flow;
 use crate::force::Load;
 use crate::held_apart::HeldApart;
@@ -81,12 +82,16 @@ pub struct Model {
     pub inv_mass: Vec<f64>,
     pub inv_inertia: Vec<f64>,
     pub material: Vec<u32>,
-    /// Bodies behind the balls: planes, free ones first, then the other walls.
+    /// Bodies behind balls and clumps: planes, free ones first, then the other walls.
     pub walls: Vec<Wall>,
     /// Those that move freely; the first ones. They are the last of the bodies that have masses.
     pub free_walls: Vec<FreeWall>,
     /// Which of these are meshes; the last ones.
     pub meshes: Vec<MeshWall>,
+    /// Rigid bodies of balls; bodies behind the balls.
+    pub clumps: Vec<Clump>,
+    /// The clump + 1 of each ball, 0 where it has none; empty without clumps.
+    pub(crate) clump_of: Vec<u32>,
     /// Whether impulses on walls are summed up: some wall moves, or it was asked for.
     pub record_walls: bool,
     pub drop_impacts: bool,
@@ -120,20 +125,61 @@ pub struct InitialState {
 }
 
 impl Model {
-    /// Number of bodies whose motion is computed: balls, then free walls.
+    /// Number of bodies whose motion is computed: balls, clumps, free walls.
     pub fn bodies(&self) -> usize {
         self.radius.len()
     }
 
     /// Number of balls.
     pub fn balls(&self) -> usize {
+        self.first_wall() - self.clumps.len()
+    }
+
+    /// The number of the first wall among the bodies; those that are free come first.
+    #[inline]
+    pub fn first_wall(&self) -> usize {
         self.radius.len() - self.free_walls.len()
+    }
+
+    /// The clump of a ball.
+    #[inline]
+    pub fn clump_of(&self, ball: u32) -> Option<usize> {
+        let clump = self.clump_of.get(ball as usize)?;
+        (*clump as usize).checked_sub(1)
+    }
+
+    /// The body whose motion a body of a contact has: its clump, or itself. Walls that do not move freely have none.
+    #[inline]
+    pub fn mover(&self, body: u32) -> Option<u32> {
+        if (body as usize) >= self.bodies() {
+            return None;
+        }
+        let clump = self.clump_of(body);
+        Some(clump.map_or(body, |k| (self.balls() + k) as u32))
+    }
+
+    /// Which clump a body is.
+    #[inline]
+    pub fn as_clump(&self, body: u32) -> Option<usize> {
+        let clump = (body as usize).checked_sub(self.balls())?;
+        (clump < self.clumps.len()).then_some(clump)
+    }
+
+    /// Clumps and their numbers among the bodies.
+    pub fn numbered_clumps(&self) -> impl Iterator<Item = (usize, &Clump)> {
+        (self.balls()..).zip(&self.clumps)
+    }
+
+    /// A body by which to name one that moves: the first ball of a clump.
+    pub fn named(&self, body: u32) -> u32 {
+        let clump = self.as_clump(body);
+        clump.map_or(body, |k| self.clumps[k].balls.start as u32)
     }
 
     /// The free wall that a body is.
     #[inline]
     pub fn free_wall(&self, body: usize) -> Option<&FreeWall> {
-        let wall = body.checked_sub(self.balls())?;
+        let wall = body.checked_sub(self.first_wall())?;
         self.free_walls.get(wall)
     }
 
@@ -175,7 +221,7 @@ impl Model {
 
     /// The first body that is of a mesh, if there is one.
     pub fn first_mesh_wall(&self) -> u32 {
-        (self.balls() + self.simple_walls()) as u32
+        (self.first_wall() + self.simple_walls()) as u32
     }
 
     /// Which walls are those of meshes, and how many of them are triangles.
@@ -191,16 +237,19 @@ impl Model {
 
     /// The mesh that a wall belongs to.
     pub fn mesh_of(&self, body: u32) -> Option<&MeshWall> {
-        let wall = (body as usize).checked_sub(self.balls())?;
+        let wall = (body as usize).checked_sub(self.first_wall())?;
         let at = self.meshes.partition_point(|m| m.walls.end <= wall);
         self.meshes.get(at).filter(|m| m.walls.contains(&wall))
     }
 
-    /// Number of a body outside of the core, where a mesh is one wall.
+    /// Number of a body outside of the core, where a mesh is one wall, and a clump has the name of its first ball.
     pub fn outside(&self, body: u32) -> u32 {
-        match self.walls.get((body as usize).wrapping_sub(self.balls())) {
+        match self
+            .walls
+            .get((body as usize).wrapping_sub(self.first_wall()))
+        {
             Some(wall) => self.balls() as u32 + wall.given,
-            None => body,
+            None => self.named(body),
         }
     }
 
@@ -208,7 +257,7 @@ impl Model {
     ///
     /// [`Mesh::part`]: carom_geom::Mesh::part
     pub fn part(&self, body: u32) -> Option<u32> {
-        let wall = (body as usize).checked_sub(self.balls())?;
+        let wall = (body as usize).checked_sub(self.first_wall())?;
         let mesh = self.mesh_of(body)?;
         Some(mesh.mesh.part(wall - mesh.walls.start))
     }
@@ -216,7 +265,7 @@ impl Model {
     /// Wall of a body index beyond the balls.
     #[inline]
     pub fn wall(&self, body: u32) -> &Wall {
-        &self.walls[body as usize - self.balls()]
+        &self.walls[body as usize - self.first_wall()]
     }
 
     /// Neither joints nor loads beside the weight.
@@ -234,11 +283,10 @@ impl Model {
     /// Law of a pair of bodies (`b` may be a wall: index balls + w), if its materials have one.
     #[inline]
     pub fn law_of(&self, a: usize, b: usize) -> Option<u32> {
-        let n = self.balls();
-        let mb = if b < n {
-            self.material[b]
-        } else {
-            self.walls[b - n].material
+        let wall = b.checked_sub(self.first_wall());
+        let mb = match wall {
+            None => self.material[b],
+            Some(wall) => self.walls[wall].material,
         };
         self.law_table[self.material[a] as usize * self.materials + mb as usize].checked_sub(1)
     }

@@ -229,6 +229,7 @@ impl IslandBatch {
             position: step.position,
             shift: step.shift,
             walls: step.walls,
+            clumps: step.clumps,
             contacts: &mut self.contacts,
             corrections: Corrections::Listed(&mut self.corrections),
             joint_reaction: &mut worker.joint_reaction,

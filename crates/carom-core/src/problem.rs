@@ -4,6 +4,7 @@
 //! multipliers of the step solve `u = M^-1 (G^T r + b), z = G u + q` to the tolerance of the step. Every contact has all six
 //! rows (N, T1, T2, R1, R2, S); one that the step did not need has the bound 0. Nothing is computed unless it was asked for.
 
+use crate::clump::Clumps;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::outcome::Level;
@@ -62,6 +63,7 @@ pub struct KeptProblem {
 pub struct Solve<'a> {
     pub model: &'a Model,
     pub contacts: &'a [Contact],
+    pub clumps: &'a Clumps,
     /// The contacts of the problem, in the order of `system`.
     pub members: &'a [u32],
     pub spheres: &'a [u32],
@@ -98,7 +100,7 @@ impl Solve<'_> {
                 [] => vec![self.report.attempt()],
                 several => several.to_vec(),
             },
-            spheres: self.spheres.to_vec(),
+            spheres: self.spheres.iter().map(|&i| self.model.named(i)).collect(),
             mass: system.inv_mass.iter().map(|im| 1.0 / im).collect(),
             inertia: system.inv_inertia.iter().map(|ii| 1.0 / ii).collect(),
             bodies: Vec::with_capacity(system.contacts.len()),
@@ -151,7 +153,7 @@ impl Solve<'_> {
             ..*c
         };
         let mut full = Rows::default();
-        all.rows(self.model, c.n0, &mut full);
+        self.clumps.rows(self.model, &all, c.n0, &mut full);
         let nodes = [group.node_a, group.node_b];
         let mut row = group.row as usize;
         for (gradient, bound) in full.iter().zip([1.0, mu, mu, rho, rho, delta]) {

@@ -57,6 +57,8 @@ pub struct Block {
     pub angular_velocity: Vec<f64>,
     /// Of each free wall its displacement and its velocity along the normal, m and m/s.
     pub free_walls: Vec<f64>,
+    /// Of each clump its centre of mass, the quaternion of its principal axes (w first), its velocity and its angular velocity.
+    pub clumps: Vec<f64>,
     /// Which spheres are there, N per frame; empty unless the model has inflows or outlets.
     pub present: Vec<bool>,
     pub events: Vec<Event>,
@@ -85,8 +87,9 @@ pub struct Recorder {
     pub open_walls: Vec<[DVec3; 2]>,
     drop_impacts: bool,
     merged: Vec<ContactRecord>,
-    /// Normals of the free walls, the last bodies.
+    /// Normals of the free walls, the last bodies; clumps are between balls and these.
     free_walls: Vec<DVec3>,
+    clumps: usize,
     /// Whether balls come and go.
     flows: bool,
 }
@@ -108,6 +111,7 @@ impl Recorder {
             open_walls: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             drop_impacts: model.drop_impacts,
             free_walls: model.free_walls.iter().map(|w| w.normal).collect(),
+            clumps: model.clumps.len(),
             flows: !model.flow.is_none(),
             ..Recorder::default()
         }
@@ -221,7 +225,7 @@ impl Recorder {
     pub fn add_frame(&mut self, state: &State, time: f64) {
         let (b, n) = (
             &mut self.block,
-            state.position.len() - self.free_walls.len(),
+            state.position.len() - self.free_walls.len() - self.clumps,
         );
         b.frame_step.push(state.step);
         b.frame_time.push(time);
@@ -241,9 +245,12 @@ impl Recorder {
         for w in &state.angular_velocity[..n] {
             b.angular_velocity.extend(w.to_array());
         }
-        for (normal, i) in self.free_walls.iter().zip(n..) {
+        for (normal, i) in self.free_walls.iter().zip(n + self.clumps..) {
             let along = [state.position[i], state.velocity[i]];
             b.free_walls.extend(along.map(|v| v.dot(*normal)));
+        }
+        for i in n..n + self.clumps {
+            b.clumps.extend(clump_row(state, i));
         }
         for (open, flat) in [
             (&mut self.open_joints, &mut b.joints),
@@ -257,6 +264,15 @@ impl Recorder {
         b.contacts.append(&mut self.open);
         b.contact_end.push(b.contacts.len() as u64);
     }
+}
+
+/// The motion of a clump, body `i`, as frames have it.
+pub fn clump_row(state: &State, i: usize) -> [f64; 13] {
+    let (x, q) = (state.position[i], state.orientation[i]);
+    let (v, w) = (state.velocity[i], state.angular_velocity[i]);
+    [
+        x.x, x.y, x.z, q.w, q.x, q.y, q.z, v.x, v.y, v.z, w.x, w.y, w.z,
+    ]
 }
 
 fn add(c: &Contact, record: &mut ContactRecord) {

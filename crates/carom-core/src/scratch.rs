@@ -1,5 +1,6 @@
 //! What can be recomputed: allocated once, reused in every step.
 
+use crate::clump::Clumps;
 use crate::contact::Contact;
 use crate::flow::Exchange;
 use crate::force::LoadError;
@@ -39,6 +40,8 @@ pub struct Scratch {
     pub neighbours: NeighbourList,
     /// Where walls are in this step.
     pub walls: Walls,
+    /// How clumps stand at the positions of the level at hand.
+    pub clumps: Clumps,
     /// Candidate contacts, sorted by (a, b).
     pub contacts: Vec<Contact>,
     /// Pairs that overlap at the end of a step of `moreau`.
@@ -84,6 +87,7 @@ impl Scratch {
         neighbours.set_periodic(model.periodic);
         neighbours.set_threads(model.options.threads as usize);
         neighbours.set_meshes(model.mesh_spans());
+        neighbours.set_between(model.clumps.len());
         let stands = model.free_walls.is_empty() && model.walls.iter().all(|w| w.motion.is_none());
         neighbours.set_fixed_walls(stands);
         Scratch {
@@ -100,6 +104,7 @@ impl Scratch {
             smallest: model.radius.iter().copied().fold(f64::INFINITY, f64::min),
             neighbours,
             walls: Walls::new(model),
+            clumps: Clumps::new(model),
             islands: Islands::new(model.options.threads as usize),
             smooth: SmoothScratch::new(model),
             trial: Trial::new(model),
@@ -150,6 +155,7 @@ impl Scratch {
             position: &self.position,
             shift,
             walls: &self.walls,
+            clumps: &self.clumps,
             contacts: &mut self.contacts,
             corrections: Corrections::Placed(corrections),
             joint_reaction: &mut self.joint_reaction,

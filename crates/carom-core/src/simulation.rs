@@ -105,6 +105,9 @@ impl Simulation {
             };
             static_scale += pull * model.radius[i];
         }
+        for (i, clump) in model.numbered_clumps() {
+            kinetic += clump.energy_beyond(state.orientation[i], state.angular_velocity[i]);
+        }
         let at = motion_of(&state, 0.0);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         potential += cohesion::first_potential(&model, &state, &mut scratch);
@@ -191,15 +194,25 @@ impl Simulation {
         let radius = &self.model.radius[..self.model.balls()];
         // What is not there overlaps nothing.
         let balls = self.model.balls();
-        walls.place_free(&self.model, Some(&state.position[balls..]));
+        walls.place_free(
+            &self.model,
+            Some(&state.position[self.model.first_wall()..]),
+        );
         let places: Vec<DVec3> = (state.position[..balls].iter().zip(&state.present))
             .map(|(x, present)| if *present { *x } else { DVec3::NAN })
             .collect();
         let periodic = &self.model.periodic;
         let meshes = self.model.mesh_spans();
-        carom_geom::overlaps(
+        let mut found = carom_geom::overlaps(
             &places, radius, &walls.now, meshes, periodic, tolerance, cap,
-        )
+        );
+        // Balls of one clump may lie in one another.
+        let clump = |body: u32| self.model.clump_of(body);
+        found.retain(|o| clump(o.a).is_none() || clump(o.a) != clump(o.b));
+        for wall in found.iter_mut().filter(|o| o.b as usize >= balls) {
+            wall.b += self.model.clumps.len() as u32;
+        }
+        found
     }
 
     /// Which contact problems are kept, and those that were.

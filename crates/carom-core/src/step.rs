@@ -5,6 +5,7 @@
 
 use crate::all_islands;
 use crate::candidates::{list, meet, relist, start_over};
+use crate::clump;
 use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::finish::finish;
@@ -46,6 +47,7 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
     let positions = correct_positions(on);
     on.timers.mark(Phase::Position);
     positions?;
+    clump::turn_velocities(on.model, on.state, on.scratch);
     let demand = Demand::or_accepted(on.accept_unconverged);
     let velocities = correct_velocities(on.model, on.state, on.scratch, on.span, demand, on.report);
     on.timers.mark(Phase::Velocity);
@@ -74,7 +76,7 @@ pub(crate) fn predict_and_smooth(on: &mut Step) -> Result<(), Failure> {
 
 /// Refuses forces on free walls that are no numbers.
 fn check_forces(model: &Model, span: Span) -> Result<(), LoadError> {
-    for (wall, body) in model.free_walls.iter().zip(model.balls()..) {
+    for (wall, body) in model.free_walls.iter().zip(model.first_wall()..) {
         let force = wall.force(span.end);
         if !force.is_finite() {
             let text = format!("force {force} N at t = {} s", span.end);
@@ -113,7 +115,10 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Re
 /// The largest way of a free wall in its smooth motion, m.
 fn way_of_free_walls(model: &Model, linear: &[Prediction]) -> f64 {
     let way = |p: &Prediction| p.displacement.length();
-    linear[model.balls()..].iter().map(way).fold(0.0, f64::max)
+    linear[model.first_wall()..]
+        .iter()
+        .map(way)
+        .fold(0.0, f64::max)
 }
 
 /// Step 2: position corrections island by island; pairs that overlap only now join, and the solve is repeated.
@@ -171,6 +176,7 @@ fn solve_loads(on: &mut Step, demand: Demand) -> Result<(), Failure> {
     solve_level(&task, on.scratch, on.report, |c| c.resting)
         .map_err(|_| Failure::NotConverged(Level::Velocity))?;
     loads_once::advance(on.model, on.state, on.scratch, on.span.h);
+    clump::follow(on.model, on.state, on.scratch, true);
     Ok(())
 }
 
@@ -201,6 +207,7 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
     team::fill(threads, &mut scratch.position, |i| {
         state.position[i] + linear[i].displacement + shift[i][0]
     });
+    clump::follow(model, state, scratch, false);
     let (walls, position) = (&scratch.walls, &scratch.position);
     team::each(threads, &mut scratch.contacts, |c| {
         let p = proximity_at(model, walls, c, position);
@@ -243,10 +250,8 @@ fn solve_level(
     report: &mut StepReport,
     select: impl Fn(&Contact) -> bool + Sync,
 ) -> Result<(), Failure> {
-    let (spheres, links) = (task.model.bodies(), &task.model.links);
-    scratch
-        .islands
-        .build(spheres, &scratch.contacts, links, select);
+    let (model, contacts) = (task.model, &scratch.contacts);
+    scratch.islands.build(model, contacts, &model.links, select);
     if all_islands::solve(task, scratch, report) {
         return Ok(());
     }

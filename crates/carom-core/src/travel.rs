@@ -65,7 +65,7 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
         model.radius[i],
         scratch.linear[i].displacement,
     );
-    if j >= model.balls() {
+    if j >= model.first_wall() {
         // Against a free wall where it was given.
         let from = displacement(&state.position, b);
         let by = scratch

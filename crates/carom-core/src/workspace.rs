@@ -1,5 +1,6 @@
 //! What the solve of an island reads and writes: parts of the step's memory, or memory of a thread.
 
+use crate::clump::Clumps;
 use crate::contact::Contact;
 use crate::impact::ImpactScratch;
 use crate::islands::Island;
@@ -22,6 +23,7 @@ pub struct IslandScratch<'a> {
     pub position: &'a [DVec3],
     pub shift: &'a [[DVec3; 2]],
     pub walls: &'a Walls,
+    pub clumps: &'a Clumps,
     /// Results.
     pub contacts: &'a mut [Contact],
     pub corrections: Corrections<'a>,
@@ -48,7 +50,7 @@ pub enum Corrections<'a> {
 pub struct SolveScratch {
     pub newton: Newton,
     pub system: RowSystem,
-    /// Local node of each sphere (valid only for the island at hand) and the reverse.
+    /// Local node of each body with a state of motion (valid only for the island at hand) and the reverse.
     pub node_of: Vec<u32>,
     pub bodies: Vec<u32>,
     pub lambda: Vec<f64>,
@@ -87,9 +89,8 @@ impl SolveScratch {
         self.bodies.clear();
         for &index in island.contacts {
             let c = &contacts[index as usize];
-            self.add_node(model, c.a);
-            if (c.b as usize) < model.bodies() {
-                self.add_node(model, c.b);
+            for mover in [c.a, c.b].into_iter().filter_map(|b| model.mover(b)) {
+                self.add_node(model, mover);
             }
         }
         if island.is_free() {
@@ -116,14 +117,11 @@ impl SolveScratch {
         }
     }
 
-    /// Local node of a body; the world for walls.
+    /// Local node of a body, of its clump if it has one; the world for walls.
     #[inline]
     pub fn node(&self, model: &Model, body: u32) -> u32 {
-        if (body as usize) < model.bodies() {
-            self.node_of[body as usize]
-        } else {
-            carom_solve::rows::WORLD
-        }
+        let mover = model.mover(body);
+        mover.map_or(carom_solve::rows::WORLD, |i| self.node_of[i as usize])
     }
 }
 

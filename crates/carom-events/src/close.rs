@@ -22,7 +22,7 @@ impl Run<'_> {
             .sums
             .hand_over(model, self.state, &mut self.scratch.contacts);
         let (islands, contacts) = (&mut self.scratch.islands, &self.scratch.contacts);
-        islands.build(n, contacts, &[], |_| true);
+        islands.build(model, contacts, &[], |_| true);
         let (state, report) = (&*self.state, &mut *self.report);
         report.candidates = contacts.len() as u32;
         report.count(islands);

@@ -248,7 +248,7 @@ impl Penalty {
         report.energy_kinetic = kinetic;
         report.energy_potential = potential;
         let (islands, contacts) = (&mut scratch.islands, &scratch.contacts);
-        islands.build(model.bodies(), contacts, &[], |_| true);
+        islands.build(model, contacts, &[], |_| true);
         report.count(islands);
         if model.record_walls {
             let (b, out) = (&self.bodies, &mut scratch.wall_impulse);

@@ -100,6 +100,7 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         meshes: walls::meshes(dict)?,
         wall_motion: walls::motions(dict)?,
         free_walls: walls::free_walls(dict)?,
+        clumps: walls::clumps(dict)?,
         record_walls: walls::wish(dict, "record_walls")?,
         drop_impacts: walls::wish(dict, "drop_impacts")?,
         every_impact: walls::wish(dict, "every_impact")?,

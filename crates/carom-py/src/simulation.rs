@@ -14,6 +14,7 @@ use crate::ModelError;
 use carom_core::model::ContactLaw;
 use carom_core::options::Method;
 use carom_core::problem::Steps;
+use carom_core::record::clump_row;
 use carom_core::report::Spread;
 use carom_core::{Model, Recording};
 use carom_penalty::{damping, law};
@@ -69,7 +70,7 @@ impl Simulation {
             put(&out, "present", state.present[..n].to_vec(), &[n])?;
         }
         if !model.free_walls.is_empty() {
-            let walls = (n..).zip(&model.free_walls);
+            let walls = (model.first_wall()..).zip(&model.free_walls);
             let along = walls.flat_map(|(i, wall)| {
                 [state.position[i], state.velocity[i]].map(|v| v.dot(wall.normal))
             });
@@ -79,6 +80,12 @@ impl Simulation {
                 along.collect(),
                 &[model.free_walls.len(), 2],
             )?;
+        }
+        if !model.clumps.is_empty() {
+            let rows = model
+                .numbered_clumps()
+                .flat_map(|(i, _)| clump_row(state, i));
+            put::<f64>(&out, "clumps", rows.collect(), &[model.clumps.len(), 13])?;
         }
         Ok(out)
     }
@@ -166,7 +173,7 @@ impl Simulation {
 
     /// Takes a state back. Refuses one of another model size.
     fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
-        let bodies = self.inner.model.balls() + self.inner.model.walls.len();
+        let bodies = self.inner.model.first_wall() + self.inner.model.walls.len();
         let mut loaded = read_state(state)?;
         flow::read_state(state, &self.inner.model, &mut loaded)?;
         (loaded.check(&self.inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;

@@ -66,6 +66,9 @@ pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<(
     if free > 0 {
         put(&frames, "free_walls", b.free_walls, &[f, free, 2])?;
     }
+    if !model.clumps.is_empty() {
+        put(&frames, "clumps", b.clumps, &[f, model.clumps.len(), 13])?;
+    }
     if joints > 0 {
         put(&frames, "joint_impulse", b.joints, &[f, joints, 6])?;
     }

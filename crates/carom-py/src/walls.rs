@@ -2,6 +2,7 @@
 
 use crate::arrays::{ids, item, rows};
 use crate::coupling::{law, list, refuse, three_laws, vector};
+use carom_core::clump::ClumpInput;
 use carom_core::wall::{Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
 use carom_core::wall::{FreeWallInput, WallMotion, WallRotation};
 use glam::DVec3;
@@ -146,6 +147,27 @@ pub fn free_walls(dict: &Bound<'_, PyDict>) -> PyResult<Vec<FreeWallInput>> {
                 velocity: item(given, "velocity")?.extract()?,
                 weighs: item(given, "weighs")?.extract()?,
                 force: law(&item(given, "force")?)?,
+            })
+        })
+        .collect()
+}
+
+/// Clumps: `{"balls": (first, stop), "mass", "inertia", "position", "orientation", "velocity", "angular_velocity"}`.
+pub fn clumps(dict: &Bound<'_, PyDict>) -> PyResult<Vec<ClumpInput>> {
+    list(dict, "clumps")?
+        .iter()
+        .map(|value| {
+            let given = value.cast::<PyDict>()?;
+            let (first, stop): (usize, usize) = item(given, "balls")?.extract()?;
+            let three = |name| item(given, name)?.extract::<[f64; 3]>();
+            Ok(ClumpInput {
+                balls: first..stop,
+                mass: item(given, "mass")?.extract()?,
+                inertia: three("inertia")?,
+                position: three("position")?,
+                orientation: item(given, "orientation")?.extract()?,
+                velocity: three("velocity")?,
+                angular_velocity: three("angular_velocity")?,
             })
         })
         .collect()

@@ -1,10 +1,12 @@
 //! What is compiled into a model: its description with plain arrays, as it comes over the border.
 
+mod clumps;
 mod flow;
 mod model;
 mod periodic;
 mod state;
 
+use crate::clump::ClumpInput;
 use crate::flow::{Inflow, Outlet};
 use crate::force::Load;
 use crate::joint::Joint;
@@ -38,6 +40,8 @@ pub struct ModelInput {
     pub wall_motion: Vec<(u32, WallMotion)>,
     /// Planes that move freely: the first of all walls, in their order.
     pub free_walls: Vec<FreeWallInput>,
+    /// Rigid bodies of balls; each ball belongs to one at most.
+    pub clumps: Vec<ClumpInput>,
     /// Whether impulses on walls are recorded where no wall moves.
     pub record_walls: bool,
     /// Leave out the table of impacts.

@@ -1,6 +1,8 @@
 //! A model from its description: every number is checked, and every refusal names the entry.
 
+use super::clumps::{self, owners, Bodies};
 use super::{flow, ModelInput};
+use crate::clump::quaternion;
 use crate::force::Dependence;
 use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
@@ -45,16 +47,22 @@ impl Model {
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         let links = compile_links(input)?;
-        let bodies = Bodies::new(input, &free);
+        let clumps = clumps::compile(input, &options)?;
+        let bodies = Bodies::new(input, &free, &clumps);
+        // Balls of clumps have none.
+        let inverse = |m: &f64| if *m > 0.0 { 1.0 / m } else { 0.0 };
         let model = Model {
             gravity: DVec3::from(input.gravity),
-            inv_mass: bodies.mass.iter().map(|m| 1.0 / m).collect(),
-            inv_inertia: bodies.inertia.iter().map(|i| 1.0 / i).collect(),
+            inv_mass: bodies.mass.iter().map(inverse).collect(),
+            inv_inertia: bodies.inertia.iter().map(inverse).collect(),
             radius: bodies.radius,
             mass: bodies.mass,
             inertia: bodies.inertia,
             material: input.material.clone(),
             free_walls: free,
+            clump_of: owners(&clumps, n),
+            held_apart: HeldApart::new(&input.joints, &input.radius, &clumps),
+            clumps,
             drop_impacts: input.drop_impacts,
             every_impact: input.every_impact && !input.drop_impacts,
             courses: input.courses && !input.drop_impacts,
@@ -69,7 +77,6 @@ impl Model {
             law_table,
             materials,
             joints: input.joints.clone(),
-            held_apart: HeldApart::new(&input.joints, &input.radius),
             loads: input.loads.clone(),
             links,
             options,
@@ -77,14 +84,17 @@ impl Model {
         let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();
         let mut initial = InitialState {
             position: vectors(&input.position),
-            orientation: input
-                .orientation
-                .iter()
-                .map(|q| DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize())
-                .collect(),
+            orientation: input.orientation.iter().map(|q| quaternion(*q)).collect(),
             velocity: vectors(&input.velocity),
             angular_velocity: vectors(&input.angular_velocity),
         };
+        for given in &input.clumps {
+            initial.position.push(DVec3::from(given.position));
+            initial.orientation.push(quaternion(given.orientation));
+            initial.velocity.push(DVec3::from(given.velocity));
+            let turning = DVec3::from(given.angular_velocity);
+            initial.angular_velocity.push(turning);
+        }
         for (wall, given) in model.free_walls.iter().zip(&input.free_walls) {
             initial.position.push(DVec3::ZERO);
             initial.orientation.push(DQuat::IDENTITY);
@@ -92,29 +102,6 @@ impl Model {
             initial.angular_velocity.push(DVec3::ZERO);
         }
         Ok((model, initial))
-    }
-}
-
-/// Masses and sizes of the bodies: balls, then free walls.
-struct Bodies {
-    radius: Vec<f64>,
-    mass: Vec<f64>,
-    inertia: Vec<f64>,
-}
-
-impl Bodies {
-    fn new(input: &ModelInput, free: &[FreeWall]) -> Bodies {
-        // A wall has no radius: lengths of its residuals are those of the smallest ball.
-        let smallest = input.radius.iter().copied().fold(f64::INFINITY, f64::min);
-        let with = |of_balls: &[f64], of_walls: &dyn Fn(usize) -> f64| {
-            let of_walls = (0..free.len()).map(of_walls);
-            of_balls.iter().copied().chain(of_walls).collect()
-        };
-        Bodies {
-            radius: with(&input.radius, &|_| smallest),
-            mass: with(&input.mass, &|k| input.free_walls[k].mass),
-            inertia: with(&input.inertia, &|_| wall::HELD_INERTIA),
-        }
     }
 }
 

@@ -47,7 +47,7 @@ impl State {
 
     /// Whether free walls are where their guides let them be.
     fn holds_free_walls(&self, model: &Model) -> bool {
-        let mut walls = model.free_walls.iter().zip(model.balls()..);
+        let mut walls = model.free_walls.iter().zip(model.first_wall()..);
         walls.all(|(wall, i)| {
             let across = |v: DVec3| v.reject_from_normalized(wall.normal).length();
             let along = |v: DVec3| across(v) <= ACROSS * v.length();
@@ -59,7 +59,7 @@ impl State {
     /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
     pub fn check(&self, model: &Model) -> Result<(), ModelError> {
         let refuse = |text: String| Err(ModelError::State(text));
-        let (n, bodies) = (model.bodies(), model.balls() + model.walls.len());
+        let (n, bodies) = (model.bodies(), model.first_wall() + model.walls.len());
         let lengths = [
             ("position", self.position.len()),
             ("orientation", self.orientation.len()),

@@ -43,6 +43,7 @@ impl ImpactScratch {
             solve,
             walls,
             position,
+            clumps,
             ..
         } = scratch;
         let members = island.contacts;
@@ -60,7 +61,7 @@ impl ImpactScratch {
         let mut rows: Rows = Default::default();
         for &m in members {
             let c = &contacts[m as usize];
-            let dim = c.rows(model, c.n1, &mut rows);
+            let dim = clumps.rows(model, c, c.n1, &mut rows);
             let (a, b) = (solve.node(model, c.a), solve.node(model, c.b));
             let bounds = c.bounds;
             self.full.push_contact(
@@ -74,7 +75,7 @@ impl ImpactScratch {
             );
             if once {
                 let (mut middle, mean) = (Rows::default(), c.middle());
-                mean.rows(model, mean.n1, &mut middle);
+                clumps.rows(model, &mean, mean.n1, &mut middle);
                 self.middle.extend_from_slice(&middle[..dim]);
                 self.opening.push(opening(model, state, walls, c));
             }
@@ -112,6 +113,7 @@ impl ImpactScratch {
             solve,
             linear,
             angular,
+            clumps,
             ..
         } = scratch;
         self.v_check.clear();
@@ -119,10 +121,12 @@ impl ImpactScratch {
         self.speeds = self.wall_speeds;
         for &body in &solve.bodies {
             let i = body as usize;
-            let (lin, ang) = (linear[i].velocity, angular[i].velocity);
+            let motion = [linear[i].velocity, angular[i].velocity];
+            let [lin, ang] = clumps.to_node(model, body, motion);
             self.v_check
                 .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
-            let (lin, ang) = (state.velocity[i], state.angular_velocity[i]);
+            let motion = [state.velocity[i], state.angular_velocity[i]];
+            let [lin, ang] = clumps.to_node(model, body, motion);
             self.v_old
                 .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
             self.speeds.add(model, state, linear[i].velocity, i);

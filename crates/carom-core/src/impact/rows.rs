@@ -61,7 +61,7 @@ pub fn solve_loads(
             }
         }
         rows.keep_warm();
-        rows.work.give_loads(rows.on.scratch);
+        rows.work.give_loads(rows.on.model, rows.on.scratch);
         true
     };
     on_rows(task, scratch, island, report, false, solve)
@@ -286,7 +286,9 @@ impl RowIsland<'_, '_, '_> {
         self.work.has_contacts_alone()
             && self.work.chosen.iter().all(|&slot| {
                 let c = self.contact(slot);
-                (c.n1 - c.load_normal).length() <= turned
+                let clumps = self.on.scratch.clumps;
+                let turn = |ball| clumps.turned_since_loads(self.on.model, ball);
+                (c.n1 - c.load_normal).length() <= turned && turn(c.a).max(turn(c.b)) <= turned
             })
     }
 

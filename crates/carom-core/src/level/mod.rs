@@ -131,6 +131,7 @@ pub(crate) fn closed_form(model: &Model, contact: &Contact) -> bool {
     model.options.solver == Solver::Auto
         && contact.is_wall(model)
         && model.wall(contact.b).is_steady_plane()
+        && model.clump_of(contact.a).is_none()
         && (bounds.rolling == 0.0
             || SingleContact::settles(model.mass[i], model.inertia[i], model.radius[i]))
 }

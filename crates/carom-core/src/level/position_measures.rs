@@ -1,6 +1,7 @@
 //! Measures of the position level as functions of the correction: gaps, increments, joints, and loads that depend on positions.
 
 use super::coupling::{position_rows, Trial};
+use crate::clump::ClumpPositions;
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
@@ -22,6 +23,7 @@ pub(super) struct Positions<'a> {
     /// Centres after the smooth step, per node.
     pub centres: &'a [DVec3],
     pub coupled: Option<CoupledPositions<'a>>,
+    pub clumps: Option<ClumpPositions<'a>>,
     /// What multipliers count from, where the loads have moved the spheres already ([`super::loads`]); empty: from 0.
     pub of_loads: Vec<f64>,
 }
@@ -215,24 +217,42 @@ impl<'a> CoupledPositions<'a> {
 
 impl Subproblem for Positions<'_> {
     fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
-        let at = |node: u32| {
-            let k = NODE_DOF * node as usize;
-            self.centres[node as usize] + DVec3::new(u[k], u[k + 1], u[k + 2])
+        // Centre of a ball: that of its node, with the lever in a clump.
+        let at = |node: u32, ball: u32| {
+            let own = &u[NODE_DOF * node as usize..][..NODE_DOF];
+            let centre = self.centres[node as usize] + DVec3::new(own[0], own[1], own[2]);
+            let clumps = self.clumps.as_ref();
+            let lever = clumps.and_then(|clumps| clumps.lever(ball, own));
+            (lever.map_or(centre, |(_, lever)| centre + lever), lever)
         };
         for (slot, &index) in self.members.iter().enumerate() {
             let c = &self.contacts[index as usize];
             let rc = system.contacts[slot];
             let wall = c.is_wall(self.model);
-            let xb = if wall { DVec3::ZERO } else { at(rc.node_b) };
-            let p = proximity(self.model, self.walls, c, at(rc.node_a), xb);
+            let (xa, lever_a) = at(rc.node_a, c.a);
+            let (xb, lever_b) = if wall {
+                (DVec3::ZERO, None)
+            } else {
+                at(rc.node_b, c.b)
+            };
+            let p = proximity(self.model, self.walls, c, xa, xb);
             let row = rc.row as usize;
             z[row] = p.gap;
-            if !(wall && self.model.wall(c.b).is_fixed_plane()) {
+            let turns = lever_a.is_some() || lever_b.is_some();
+            if turns || !(wall && self.model.wall(c.b).is_fixed_plane()) {
                 let n = p.normal;
                 system.jac[row] = [
                     [n.x, n.y, n.z, 0.0, 0.0, 0.0],
                     [-n.x, -n.y, -n.z, 0.0, 0.0, 0.0],
                 ];
+                if let Some(clumps) = &self.clumps {
+                    let sides = system.jac[row].iter_mut().zip([lever_a, lever_b]);
+                    for (side, lever) in sides {
+                        if let Some((clump, lever)) = lever {
+                            clumps.clumps.fold(clump, lever, side);
+                        }
+                    }
+                }
                 system.contacts[slot].normal = n.to_array();
                 system.contacts[slot].curvature = p.curvature;
                 system.contacts[slot].flat = p.flat.to_array();

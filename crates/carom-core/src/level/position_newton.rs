@@ -2,6 +2,7 @@
 
 use super::position_measures::{CoupledPositions, Positions};
 use super::{newton_options, position_floor, worst_group, Demand, Task};
+use crate::clump::{ClumpPositions, Clumps};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
@@ -36,14 +37,17 @@ pub(super) fn solve(
         }
         report.unconverged += 1;
     }
-    write(scratch, island.contacts);
+    write(model, scratch, island.contacts);
     true
 }
 
 /// States the normals of an island as rows of the solver.
 fn push_normals(model: &Model, scratch: &mut IslandScratch, island: Island) {
     let IslandScratch {
-        contacts, solve, ..
+        contacts,
+        solve,
+        clumps,
+        ..
     } = scratch;
     solve.begin(model, contacts, island);
     let mut rows: Rows = Default::default();
@@ -52,7 +56,7 @@ fn push_normals(model: &Model, scratch: &mut IslandScratch, island: Island) {
             bounds: Bounds::default(),
             ..contacts[m as usize]
         };
-        c.rows(model, c.n1, &mut rows);
+        clumps.rows(model, &c, c.n1, &mut rows);
         let (a, b) = (solve.node(model, c.a), solve.node(model, c.b));
         let normal = c.n1.to_array();
         let z = [c.gap];
@@ -134,6 +138,7 @@ fn find(
         trial,
         walls,
         shift,
+        clumps,
         ..
     } = scratch;
     let SolveScratch {
@@ -176,6 +181,13 @@ fn find(
         centres: &centres,
         coupled,
         of_loads,
+        clumps: (!model.clumps.is_empty()).then_some(ClumpPositions {
+            model,
+            state,
+            clumps,
+            angular,
+            load_shift: shift,
+        }),
     };
     let found = newton.solve(system, &mut measures, &options, lambda, u);
     report.add_position(&found);
@@ -183,7 +195,8 @@ fn find(
     if !found.converged || keeper.wants(found.iterations) {
         let motion = bodies.iter().flat_map(|&b| {
             let (lin, ang) = (&linear[b as usize], &angular[b as usize]);
-            let (d, psi) = (lin.displacement, ang.displacement);
+            let motion = [lin.displacement, ang.displacement];
+            let [d, psi] = clumps.to_node(model, b, motion);
             [d.x, d.y, d.z, psi.x, psi.y, psi.z]
         });
         let motion: Vec<f64> = motion.collect();
@@ -245,6 +258,8 @@ fn keep(
     report: SolveReport,
 ) {
     let worst = worst_group(system, newton.residual_rows());
+    let none = Clumps::default();
+    let clumps = measures.clumps.as_ref().map_or(&none, |c| c.clumps);
     let mut z = vec![0.0; system.rows()];
     let (mut multiplier, mut correction) = (lambda.to_vec(), u.to_vec());
     if !multiplier.iter().chain(&correction).all(|x| x.is_finite()) {
@@ -256,6 +271,7 @@ fn keep(
     keeper.keep(&Solve {
         model: measures.model,
         contacts: measures.contacts,
+        clumps,
         members: measures.members,
         spheres: bodies,
         system,
@@ -272,14 +288,13 @@ fn keep(
 }
 
 /// Writes a solution into the step.
-fn write(scratch: &mut IslandScratch, members: &[u32]) {
+fn write(model: &Model, scratch: &mut IslandScratch, members: &[u32]) {
     let solve = &*scratch.solve;
     for (node, &body) in solve.bodies.iter().enumerate() {
         let v = &solve.u[NODE_DOF * node..NODE_DOF * (node + 1)];
-        scratch.corrections.set(
-            body,
-            [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])],
-        );
+        let own = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])];
+        let correction = scratch.clumps.from_node(model, body, own);
+        scratch.corrections.set(body, correction);
     }
     for (slot, &m) in members.iter().enumerate() {
         let rc = &solve.system.contacts[slot];

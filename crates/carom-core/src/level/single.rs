@@ -172,6 +172,7 @@ pub fn keep(
     scratch.keeper.keep(&Solve {
         model,
         contacts: scratch.contacts,
+        clumps: scratch.clumps,
         members: &[member],
         spheres: &[c.a],
         system: &system,

@@ -4,6 +4,7 @@
 //! iteration, in closed form. Joints and other loads go to Newton's method (`smooth_newton.rs`).
 
 use super::smooth_newton::{place, Weights};
+use crate::clump;
 use crate::force::evaluated;
 use crate::force::total::own_force;
 use crate::outcome::{BlowUp, Failure, Level};
@@ -23,6 +24,9 @@ const TOLERANCE: f64 = 1e-10;
 pub fn solve(on: &mut Step) -> Result<(), Failure> {
     predict(on);
     on.report.iterations_smooth = 1;
+    if !clump::predict(on.model, on.state, on.scratch, on.span.h) {
+        return Err(Failure::NotConverged(Level::Smooth));
+    }
     if !on.model.is_free() {
         iterate(on)?;
     }

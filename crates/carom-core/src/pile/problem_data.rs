@@ -2,6 +2,7 @@
 
 use super::closed_contact::ClosedContact;
 use super::record;
+use crate::clump::Clumps;
 use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::model::Model;
@@ -59,6 +60,7 @@ pub fn keep(
     keeper.keep(&Solve {
         model: at.model,
         contacts: &contacts,
+        clumps: &Clumps::default(),
         members: &members,
         spheres: at.spheres,
         system: &system,

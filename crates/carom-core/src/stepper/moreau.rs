@@ -137,7 +137,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
         let way = (scratch.position[i] - state.position[i]).length();
         way.max(scratch.linear[i].displacement.length())
     };
-    let of_walls = (model.balls()..model.bodies()).map(way_of_walls);
+    let of_walls = (model.first_wall()..model.bodies()).map(way_of_walls);
     let reach = model.cohesive_reach() + of_walls.fold(0.0, f64::max);
     let mut fastest = 0.0f64;
     for i in 0..model.bodies() {

@@ -100,7 +100,7 @@ impl Walls {
                     "the motion of this wall is not finite, or faster than {FASTEST:e} m/s or rad/s, by t = {} s",
                     span.end
                 );
-                return Err(LoadError::on((model.balls() + index) as u32, text));
+                return Err(LoadError::on((model.first_wall() + index) as u32, text));
             }
         }
         Ok(())
@@ -138,7 +138,7 @@ impl Walls {
         let triangles = model.mesh_spans().into_iter().flat_map(first);
         (0..model.simple_walls())
             .chain(triangles)
-            .map(|w| (model.balls() + w) as u32)
+            .map(|w| (model.first_wall() + w) as u32)
     }
 
     /// Whether any wall moves.
@@ -154,7 +154,7 @@ impl Walls {
         }
         let wall = model
             .walls
-            .get((body as usize).wrapping_sub(model.balls()))?;
+            .get((body as usize).wrapping_sub(model.first_wall()))?;
         self.courses.get(wall.slot as usize)
     }
 
@@ -171,7 +171,7 @@ impl Walls {
             return NOWHERE;
         }
         meet(
-            &self.now[b as usize - model.balls()],
+            &self.now[b as usize - model.first_wall()],
             xa,
             model.radius[a as usize],
         )
@@ -184,7 +184,7 @@ impl Walls {
             return NOWHERE;
         }
         meet(
-            &self.start[b as usize - model.balls()],
+            &self.start[b as usize - model.first_wall()],
             xa,
             model.radius[a as usize],
         )
@@ -257,20 +257,20 @@ impl Walls {
 
     /// What a sphere at `x` may touch of a listed wall within `reach` (m): the wall itself, of a triangle a part of its mesh.
     pub fn part(&self, model: &Model, (a, b): (u32, u32), x: DVec3, reach: f64) -> Option<u32> {
-        let (wall, r) = (b as usize - model.balls(), model.radius[a as usize]);
+        let (wall, r) = (b as usize - model.first_wall(), model.radius[a as usize]);
         if wall < model.simple_walls() {
             return Some(b);
         }
         let mesh = model.mesh_of(b)?;
         let (first, placed) = (mesh.walls.start, &self.now[mesh.walls.clone()]);
         let met = mesh.mesh.met(placed, wall - first, x, r, reach)?;
-        Some((model.balls() + first + met) as u32)
+        Some((model.first_wall() + first + met) as u32)
     }
 
     /// Point that moments on wall `b` are about, where it is now.
     pub(crate) fn point(&self, model: &Model, b: u32) -> DVec3 {
         match (model.mesh_of(b), self.course(model, b)) {
-            (None, _) => self.now[b as usize - model.balls()].place(),
+            (None, _) => self.now[b as usize - model.first_wall()].place(),
             (Some(mesh), Some(course)) => course.by.point(mesh.point),
             (Some(mesh), None) => mesh.point,
         }

@@ -74,6 +74,8 @@ pub struct NeighbourList {
     walls: Vec<Shape>,
     meshes: Meshes,
     fixed_walls: bool,
+    /// Bodies that have numbers between those of spheres and walls.
+    between: usize,
     periodic: Periodic,
     /// Which walls moved between the last two rebuilds: they are listed farther out.
     moving: Vec<bool>,
@@ -108,6 +110,7 @@ impl NeighbourList {
             walls: Vec::new(),
             meshes: Meshes::default(),
             fixed_walls: false,
+            between: 0,
             periodic: Periodic::default(),
             moving: Vec::new(),
             skin: SKIN,
@@ -135,6 +138,12 @@ impl NeighbourList {
     /// searched by place; the others are not.
     pub fn set_meshes(&mut self, meshes: Vec<(Range<usize>, usize)>) {
         self.meshes = Meshes::new(meshes);
+        self.valid = false;
+    }
+
+    /// Tells how many bodies have numbers between those of spheres and those of walls (default: 0).
+    pub fn set_between(&mut self, count: usize) {
+        self.between = count;
         self.valid = false;
     }
 
@@ -332,7 +341,7 @@ impl NeighbourList {
     /// All pairs in the order of the result.
     fn try_all(&mut self, radius: &[f64], limit: usize) {
         self.pairs.clear();
-        let n = self.reference.len();
+        let first = self.reference.len() + self.between;
         let there = |(_, r): &(usize, &Reference)| r.extent >= 0.0;
         for (a, ra) in self.reference.iter().enumerate().filter(there) {
             let others = self.reference.iter().enumerate().skip(a + 1);
@@ -351,7 +360,7 @@ impl NeighbourList {
                 &self.moving,
                 &self.meshes,
                 |w| {
-                    self.pairs.push((a as u32, (n + w) as u32));
+                    self.pairs.push((a as u32, (first + w) as u32));
                     ControlFlow::Continue(())
                 },
             );
@@ -374,7 +383,7 @@ impl NeighbourList {
         walls: &'a [Shape],
         need: &'a [f64],
     ) -> impl Iterator<Item = Meeting> + 'a {
-        let (n, periodic) = (x.len(), &self.periodic);
+        let (n, first, periodic) = (x.len(), x.len() + self.between, &self.periodic);
         self.pairs.iter().filter_map(move |&(a, b)| {
             let (i, j) = (a as usize, b as usize);
             if need[i] < 0.0 || need.get(j).is_some_and(|&need| need < 0.0) {
@@ -388,7 +397,7 @@ impl NeighbourList {
                 }
                 periodic.sphere_sphere(x[i], radius[i], x[j], radius[j])
             } else {
-                let p = walls[j - n].meet(x[i], radius[i])?;
+                let p = walls[j - first].meet(x[i], radius[i])?;
                 if p.gap.is_nan() || p.gap > need[i] {
                     return None;
                 }

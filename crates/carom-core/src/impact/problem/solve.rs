@@ -403,6 +403,7 @@ impl ImpactScratch {
         scratch.keeper.keep(&Solve {
             model,
             contacts: scratch.contacts,
+            clumps: scratch.clumps,
             members: &members,
             spheres: &scratch.solve.bodies,
             system: &system,

@@ -104,15 +104,15 @@ impl ImpactScratch {
     }
 
     /// Writes the loads of the island, and the jumps that they make.
-    pub(in crate::impact) fn give_loads(&self, scratch: &mut IslandScratch) {
+    pub(in crate::impact) fn give_loads(&self, model: &Model, scratch: &mut IslandScratch) {
         for (slot, &m) in self.members.iter().enumerate() {
             let c = &mut scratch.contacts[m as usize];
             c.load = self.packed_load(slot);
         }
-        self.give_jumps(scratch);
+        self.give_jumps(model, scratch);
     }
 
-    fn give_jumps(&self, scratch: &mut IslandScratch) {
+    fn give_jumps(&self, model: &Model, scratch: &mut IslandScratch) {
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
             let at = NODE_DOF * node..NODE_DOF * (node + 1);
             let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
@@ -120,6 +120,7 @@ impl ImpactScratch {
                 glam::DVec3::new(j[0] + s[0], j[1] + s[1], j[2] + s[2]),
                 glam::DVec3::new(j[3] + s[3], j[4] + s[4], j[5] + s[5]),
             ];
+            let jump = scratch.clumps.from_node(model, body, jump);
             scratch.corrections.set(body, jump);
         }
     }
@@ -180,7 +181,7 @@ impl ImpactScratch {
     pub fn finish(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
         report.impact_problems = report.impact_problems.max(self.problems);
         report.restitution_scale = report.restitution_scale.min(self.table.least_scale());
-        self.give_jumps(scratch);
+        self.give_jumps(model, scratch);
         self.finish_joints(model, scratch);
         let of = |slot: usize| {
             let c = &scratch.contacts[self.members[slot] as usize];

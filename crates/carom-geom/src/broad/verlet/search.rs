@@ -68,9 +68,11 @@ impl NeighbourList {
             walls,
             moving,
             meshes,
+            between,
             ..
         } = self;
         let n = reference.len();
+        let first_wall = n + *between;
         let mut tasks: Vec<Task> = cells.parts(PART).into_iter().map(Task::Cells).collect();
         if !walls.is_empty() {
             tasks.extend((0..n).step_by(PART).map(Task::Walls));
@@ -96,7 +98,7 @@ impl NeighbourList {
                     let some = &reference[first..n.min(first + PART)];
                     some.iter().zip(first..).try_for_each(|(r, a)| {
                         walls_of(r, radius[a], walls, moving, meshes, |w| {
-                            push(a as u32, (n + w) as u32)
+                            push(a as u32, (first_wall + w) as u32)
                         })
                     })
                 }

@@ -1,0 +1,120 @@
+//! Clumps from their description, and the masses and sizes of all bodies.
+
+use crate::build::ModelInput;
+use crate::clump::Clump;
+use crate::options::{Method, Options};
+use crate::outcome::{entry, finite, positive, ModelError};
+use crate::wall::{self, FreeWall};
+use glam::DVec3;
+
+/// How far (1) the largest principal moment may be above the sum of the others: rounding of flat bodies.
+const FLAT: f64 = 1e-9;
+
+/// Checks clumps, and that nothing is there which does not know them.
+pub fn compile(input: &ModelInput, options: &Options) -> Result<Vec<Clump>, ModelError> {
+    if input.clumps.is_empty() {
+        return Ok(Vec::new());
+    }
+    check_beside(input, options)?;
+    let (n, mut free) = (input.radius.len(), 0);
+    for (index, c) in input.clumps.iter().enumerate() {
+        let refuse = |quantity, text: String| Err(entry("clump", index, quantity, text));
+        let balls = &c.balls;
+        if balls.is_empty() || balls.start < free || balls.end > n {
+            let text = format!("are {balls:?} of {n}; clumps stand in the order of their balls");
+            return refuse("balls", text);
+        }
+        free = balls.end;
+        positive("clump", index, "mass", c.mass)?;
+        for moment in c.inertia {
+            positive("clump", index, "inertia", moment)?;
+        }
+        let largest = c.inertia.iter().copied().fold(0.0, f64::max);
+        let others = c.inertia.iter().sum::<f64>() - largest;
+        if largest > others * (1.0 + FLAT) {
+            let text = format!("has a moment {largest} above the sum {others} of the others");
+            return refuse("inertia", text);
+        }
+        finite("clump", index, "position", &c.position)?;
+        wall::place("position", DVec3::from(c.position))
+            .map_err(|(name, text)| entry("clump", index, name, text))?;
+        finite("clump", index, "velocity", &c.velocity)?;
+        finite("clump", index, "angular_velocity", &c.angular_velocity)?;
+        let size = c.orientation.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if (size - 1.0).abs() > 1e-6 || size.is_nan() {
+            return refuse("orientation", format!("has norm {size}, expected 1"));
+        }
+    }
+    let made = input.clumps.iter().map(|c| Clump::new(c, &input.position));
+    Ok(made.collect())
+}
+
+/// Refuses what does not know clumps.
+fn check_beside(input: &ModelInput, options: &Options) -> Result<(), ModelError> {
+    let found = [
+        (!input.joints.is_empty(), "joints"),
+        (
+            !input.loads.is_empty(),
+            "springs or loads beyond the weight",
+        ),
+        (!input.inflow.is_empty(), "inflows"),
+        (!input.outlet.is_empty(), "outlets"),
+        (input.cohesion.iter().any(|&c| c > 0.0), "cohesion"),
+        (options.method != Method::Nsga, "methods other than nsga"),
+        (options.is_printed(), "position_friction = \"paper\""),
+        (options.impact.is_printed(), "impact = \"sequence-paper\""),
+    ];
+    match found.into_iter().find(|(is_there, _)| *is_there) {
+        None => Ok(()),
+        Some((_, what)) => {
+            let text = format!("cannot be with {what}; leave out one of both");
+            Err(entry("clump", 0, "balls", text))
+        }
+    }
+}
+
+/// Masses and sizes of the bodies: balls, clumps, free walls.
+pub struct Bodies {
+    pub radius: Vec<f64>,
+    pub mass: Vec<f64>,
+    pub inertia: Vec<f64>,
+}
+
+impl Bodies {
+    pub fn new(input: &ModelInput, free: &[FreeWall], clumps: &[Clump]) -> Bodies {
+        // A wall has no radius: lengths of its residuals are those of the smallest ball.
+        let smallest = input.radius.iter().copied().fold(f64::INFINITY, f64::min);
+        let (mut radius, mut mass) = (input.radius.clone(), input.mass.clone());
+        let mut inertia = input.inertia.clone();
+        // What a clump weighs is its own, not that of its balls.
+        for ball in clumps.iter().flat_map(|c| c.balls.clone()) {
+            (mass[ball], inertia[ball]) = (0.0, 0.0);
+        }
+        for (clump, given) in clumps.iter().zip(&input.clumps) {
+            let balls = clump.balls.clone().zip(&clump.offsets);
+            let reach = balls.map(|(ball, offset)| offset.length() + input.radius[ball]);
+            radius.push(reach.fold(0.0, f64::max));
+            mass.push(given.mass);
+            inertia.push(clump.mean_inertia());
+        }
+        for wall in &input.free_walls[..free.len()] {
+            radius.push(smallest);
+            mass.push(wall.mass);
+            inertia.push(wall::HELD_INERTIA);
+        }
+        Bodies {
+            radius,
+            mass,
+            inertia,
+        }
+    }
+}
+
+/// The clump + 1 of each of `n` balls; nothing without clumps.
+pub fn owners(clumps: &[Clump], n: usize) -> Vec<u32> {
+    let mut owners = vec![0; if clumps.is_empty() { 0 } else { n }];
+    for (clump, number) in clumps.iter().zip(1..) {
+        owners[clump.balls.clone()].fill(number);
+    }
+    owners
+}

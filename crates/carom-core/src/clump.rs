@@ -1,0 +1,353 @@
+//! Clumps: rigid bodies of balls. `docs/theory/algorithm.md` section 15.
+//!
+//! A clump is a body of its own behind the balls, with the mass, and a tensor of inertia. Its balls have no mass: they meet what they
+//! touch, and follow. In contact problems the clump is the node of all its balls ([`Clumps::rows`]). Nodes have one moment of inertia: that of a
+//! clump counts its angular velocity `w` as `y`, `w = S y`, with `S^T J S` the mean moment times the unit matrix.
+
+use crate::contact::Contact;
+use crate::model::Model;
+use crate::rotation::advance;
+use crate::rows::Rows;
+use crate::scratch::Scratch;
+use crate::state::State;
+use crate::stepper::Prediction;
+use carom_solve::rows::NODE_DOF;
+use glam::{DMat3, DQuat, DVec3};
+use std::ops::Range;
+
+/// Iterations for the turning of a free clump in a step. Each gains a factor of about the turn in the step: more are in vain.
+const MOST_ITERATIONS: u32 = 60;
+/// Change of the angular velocity over itself (1) that is none.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// Parts of a step (1) of second order that together are one of sixth (H. Yoshida, Phys. Lett. A 150, 1990, solution A).
+const COMPOSITION: [f64; 7] = {
+    let [a, b, c] = [
+        0.784_513_610_477_557_3,
+        0.235_573_213_359_358_13,
+        -1.177_679_984_178_871,
+    ];
+    [a, b, c, 1.0 - 2.0 * (a + b + c), c, b, a]
+};
+
+/// A clump as it is given: its balls stand as they do at the start.
+#[derive(Clone, Debug)]
+pub struct ClumpInput {
+    /// Its balls, one after the other.
+    pub balls: Range<usize>,
+    /// kg; principal moments of inertia, kg m^2.
+    pub mass: f64,
+    pub inertia: [f64; 3],
+    /// Centre of mass, and its principal axes as a unit quaternion, w first.
+    pub position: [f64; 3],
+    pub orientation: [f64; 4],
+    pub velocity: [f64; 3],
+    pub angular_velocity: [f64; 3],
+}
+
+/// A clump of a model.
+#[derive(Clone, Debug)]
+pub struct Clump {
+    pub balls: Range<usize>,
+    /// Centres of its balls from its centre of mass along its principal axes, m.
+    pub offsets: Vec<DVec3>,
+    /// Principal moments of inertia, kg m^2.
+    pub inertia: DVec3,
+}
+
+impl Clump {
+    pub fn new(input: &ClumpInput, position: &[[f64; 3]]) -> Clump {
+        let (x, q) = (DVec3::from(input.position), quaternion(input.orientation));
+        let balls = position[input.balls.clone()].iter();
+        Clump {
+            balls: input.balls.clone(),
+            offsets: balls.map(|b| q.inverse() * (DVec3::from(*b) - x)).collect(),
+            inertia: DVec3::from(input.inertia),
+        }
+    }
+
+    /// The moment of inertia of its node, kg m^2.
+    pub fn mean_inertia(&self) -> f64 {
+        self.inertia.element_sum() / 3.0
+    }
+
+    /// Angular momentum at an orientation, kg m^2/s.
+    pub fn momentum(&self, q: DQuat, w: DVec3) -> DVec3 {
+        q * (self.inertia * (q.inverse() * w))
+    }
+
+    /// The angular velocity of an angular momentum, rad/s.
+    pub fn turning(&self, q: DQuat, momentum: DVec3) -> DVec3 {
+        q * ((q.inverse() * momentum) / self.inertia)
+    }
+
+    /// Energy of its turning beyond that of its node with the same angular velocity, J.
+    pub fn energy_beyond(&self, q: DQuat, w: DVec3) -> f64 {
+        0.5 * (w.dot(self.momentum(q, w)) - self.mean_inertia() * w.length_squared())
+    }
+
+    /// `S` at an orientation, and its inverse.
+    fn scales(&self, q: DQuat) -> [DMat3; 2] {
+        let (axes, mean) = (DMat3::from_quat(q), self.mean_inertia());
+        let root = (mean / self.inertia).map(f64::sqrt);
+        [root, root.recip()].map(|s| axes * DMat3::from_diagonal(s) * axes.transpose())
+    }
+
+    /// How it turns in `h` without moments: the increment and the angular velocity at the end. The angular momentum stays. None: it turns too far.
+    fn free_turn(&self, q: DQuat, w: DVec3, h: f64) -> Option<[DVec3; 2]> {
+        let momentum = self.momentum(q, w);
+        let (mut end, mut speed) = (q, w);
+        for share in COMPOSITION {
+            (end, speed) = self.symmetric(end, speed, share * h, momentum)?;
+        }
+        Some([(end * q.inverse()).to_scaled_axis(), speed])
+    }
+
+    /// A part of it of second order, that backwards in time is the same: the increment is that of the mean of both angular velocities.
+    fn symmetric(&self, q: DQuat, w: DVec3, h: f64, momentum: DVec3) -> Option<(DQuat, DVec3)> {
+        let mut end = w;
+        for _ in 0..MOST_ITERATIONS {
+            let to = advance(0.5 * h * (w + end), q);
+            let next = self.turning(to, momentum);
+            let change = (next - end).length();
+            end = next;
+            if change <= ROUNDING * end.length() {
+                return Some((to, end));
+            }
+        }
+        None
+    }
+}
+
+/// Of four numbers, w first.
+pub fn quaternion(q: [f64; 4]) -> DQuat {
+    DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize()
+}
+
+/// The clumps of a step as they stand at the positions of the level at hand. Empty without clumps.
+#[derive(Clone, Debug, Default)]
+pub struct Clumps {
+    /// Centres of all balls from the centre of mass of their clump, m; 0 where they have none.
+    lever: Vec<DVec3>,
+    pub orientation: Vec<DQuat>,
+    /// At which the loads were solved.
+    at_loads: Vec<DQuat>,
+    /// `S` of each clump, and its inverse.
+    scale: Vec<[DMat3; 2]>,
+}
+
+impl Clumps {
+    pub fn new(model: &Model) -> Clumps {
+        let (balls, count) = match model.clumps.len() {
+            0 => (0, 0),
+            count => (model.balls(), count),
+        };
+        Clumps {
+            lever: vec![DVec3::ZERO; balls],
+            orientation: vec![DQuat::IDENTITY; count],
+            at_loads: vec![DQuat::IDENTITY; count],
+            scale: vec![[DMat3::IDENTITY; 2]; count],
+        }
+    }
+
+    /// Turns a clump to an orientation.
+    fn put(&mut self, clump: &Clump, number: usize, q: DQuat) {
+        self.orientation[number] = q;
+        self.scale[number] = clump.scales(q);
+        for (ball, offset) in clump.balls.clone().zip(&clump.offsets) {
+            self.lever[ball] = q * *offset;
+        }
+    }
+
+    /// How far (rad) the clump of a ball has turned since the loads were solved; 0 of what belongs to none.
+    pub fn turned_since_loads(&self, model: &Model, ball: u32) -> f64 {
+        model.clump_of(ball).map_or(0.0, |k| {
+            let turn = self.orientation[k] * self.at_loads[k].inverse();
+            2.0 * turn.xyz().length()
+        })
+    }
+
+    /// Jacobian rows of a contact over the nodes of its bodies, with the given normal ([`Contact::rows`]); returns their number.
+    #[inline]
+    pub fn rows(&self, model: &Model, c: &Contact, normal: DVec3, rows: &mut Rows) -> usize {
+        let count = c.rows(model, normal, rows);
+        if !self.orientation.is_empty() {
+            for (side, ball) in [(0, c.a), (1, c.b)] {
+                if let Some(clump) = model.clump_of(ball) {
+                    let lever = self.lever[ball as usize];
+                    rows[..count]
+                        .iter_mut()
+                        .for_each(|row| self.fold(clump, lever, &mut row[side]));
+                }
+            }
+        }
+        count
+    }
+
+    /// A gradient over the velocities of a ball as one over those of the node of its clump.
+    pub fn fold(&self, clump: usize, lever: DVec3, row: &mut [f64; NODE_DOF]) {
+        let (v, w) = parts(row);
+        let turn = self.scale[clump][0] * (w + lever.cross(v));
+        row[3..].copy_from_slice(&turn.to_array());
+    }
+
+    /// Velocities of a body as those of its node, and of a node as those of its body.
+    #[inline]
+    pub fn to_node(&self, model: &Model, body: u32, motion: [DVec3; 2]) -> [DVec3; 2] {
+        self.scaled(model, body, motion, 1)
+    }
+
+    #[inline]
+    pub fn from_node(&self, model: &Model, body: u32, motion: [DVec3; 2]) -> [DVec3; 2] {
+        self.scaled(model, body, motion, 0)
+    }
+
+    #[inline]
+    fn scaled(&self, model: &Model, body: u32, [v, w]: [DVec3; 2], which: usize) -> [DVec3; 2] {
+        match model.as_clump(body) {
+            Some(clump) => [v, self.scale[clump][which] * w],
+            None => [v, w],
+        }
+    }
+}
+
+/// Both halves of a row.
+fn parts(row: &[f64; NODE_DOF]) -> (DVec3, DVec3) {
+    (
+        DVec3::new(row[0], row[1], row[2]),
+        DVec3::new(row[3], row[4], row[5]),
+    )
+}
+
+/// The motion of clumps without contacts, once their centres have it, and of their balls. False: one turns too far in the step.
+pub(crate) fn predict(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> bool {
+    for (i, clump) in model.numbered_clumps() {
+        let (q, w) = (state.orientation[i], state.angular_velocity[i]);
+        let Some([turn, end]) = clump.free_turn(q, w, h) else {
+            return false;
+        };
+        scratch.angular[i] = Prediction {
+            velocity: end,
+            displacement: turn,
+            pseudo: DVec3::ZERO,
+            acceleration: (end - w) / h,
+        };
+        for ball in clump.balls.clone() {
+            (scratch.linear[ball], scratch.angular[ball]) =
+                (Prediction::default(), scratch.angular[i]);
+        }
+    }
+    place(model, state, scratch, |_| [DVec3::ZERO; 2]);
+    for (i, clump) in model.numbered_clumps() {
+        for ball in clump.balls.clone() {
+            scratch.linear[ball].displacement = scratch.position[ball] - state.position[ball];
+        }
+        give(clump, i, scratch);
+    }
+    let clumps = &mut scratch.clumps;
+    clumps.at_loads.clone_from(&clumps.orientation);
+    true
+}
+
+/// Puts clumps where their centres are and turns them; `moved` are the corrections of both since the smooth step. Their balls follow.
+fn place(model: &Model, state: &State, scratch: &mut Scratch, moved: impl Fn(usize) -> [DVec3; 2]) {
+    for (number, (i, clump)) in model.numbered_clumps().enumerate() {
+        let turn = scratch.angular[i].displacement + moved(i)[1];
+        let q = advance(turn, state.orientation[i]);
+        scratch.clumps.put(clump, number, q);
+        for ball in clump.balls.clone() {
+            scratch.position[ball] = scratch.position[i] + scratch.clumps.lever[ball];
+        }
+    }
+}
+
+/// The same after a correction of positions, which then has what the balls were moved by.
+pub(crate) fn follow(model: &Model, state: &State, scratch: &mut Scratch, of_loads: bool) {
+    if model.clumps.is_empty() {
+        return;
+    }
+    let correction = |scratch: &mut Scratch| match of_loads {
+        true => std::mem::take(&mut scratch.load_shift),
+        false => std::mem::take(&mut scratch.shift),
+    };
+    let mut shift = correction(scratch);
+    place(model, state, scratch, |i| shift[i]);
+    for (i, clump) in model.numbered_clumps() {
+        for ball in clump.balls.clone() {
+            let smooth = state.position[ball] + scratch.linear[ball].displacement;
+            shift[ball] = [scratch.position[ball] - smooth, shift[i][1]];
+        }
+    }
+    *if of_loads {
+        &mut scratch.load_shift
+    } else {
+        &mut scratch.shift
+    } = shift;
+}
+
+/// Clumps and their balls where the loads have brought them, before positions were corrected.
+pub(crate) fn turn_back(model: &Model, state: &State, scratch: &mut Scratch) {
+    let by_loads = std::mem::take(&mut scratch.load_shift);
+    place(model, state, scratch, |i| by_loads[i]);
+    scratch.load_shift = by_loads;
+}
+
+/// Velocities before impacts, of clumps that have been turned since the smooth step: their angular momenta are what stays.
+pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratch) {
+    for (number, (i, clump)) in model.numbered_clumps().enumerate() {
+        let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]);
+        scratch.angular[i].velocity = clump.turning(scratch.clumps.orientation[number], momentum);
+        give(clump, i, scratch);
+    }
+}
+
+/// The velocities of a clump to its balls.
+fn give(clump: &Clump, i: usize, scratch: &mut Scratch) {
+    let (v, w) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
+    for ball in clump.balls.clone() {
+        scratch.linear[ball].velocity = v + w.cross(scratch.clumps.lever[ball]);
+        scratch.angular[ball].velocity = w;
+    }
+}
+
+/// The jumps of clumps to their balls.
+pub(crate) fn give_jumps(model: &Model, scratch: &mut Scratch) {
+    for (i, clump) in model.numbered_clumps() {
+        let [v, w] = scratch.jump[i];
+        for ball in clump.balls.clone() {
+            scratch.jump[ball] = [v + w.cross(scratch.clumps.lever[ball]), w];
+        }
+    }
+}
+
+/// Positions of balls of an island at the position level, by the corrections `u` of its nodes.
+pub(crate) struct ClumpPositions<'a> {
+    pub model: &'a Model,
+    pub state: &'a State,
+    pub clumps: &'a Clumps,
+    pub angular: &'a [Prediction],
+    /// What the loads have moved them by since the smooth step.
+    pub load_shift: &'a [[DVec3; 2]],
+}
+
+impl ClumpPositions<'_> {
+    /// Centre of a ball from that of its clump, whose node has the correction `u`; none of what belongs to no clump.
+    pub fn lever(&self, ball: u32, u: &[f64]) -> Option<(usize, DVec3)> {
+        let number = self.model.clump_of(ball)?;
+        let clump = &self.model.clumps[number];
+        let i = self.model.balls() + number;
+        let [_, by_loads] = self.load_shift.get(i).copied().unwrap_or_default();
+        let own = self.clumps.scale[number][0] * DVec3::new(u[3], u[4], u[5]);
+        let turn = self.angular[i].displacement + by_loads + own;
+        let q = advance(turn, self.state.orientation[i]);
+        Some((number, q * clump.offsets[ball as usize - clump.balls.start]))
+    }
+}
+
+/// Kinetic energy of clumps beyond that of their nodes with the new velocities, J.
+pub(crate) fn kinetic_beyond(model: &Model, scratch: &Scratch) -> f64 {
+    let energy = |(number, (i, clump)): (usize, (usize, &Clump))| {
+        clump.energy_beyond(scratch.clumps.orientation[number], scratch.jump[i][1])
+    };
+    model.numbered_clumps().enumerate().map(energy).sum()
+}
