@@ -169,7 +169,7 @@ class Clump(Table):
         """What the core takes of a clump whose first ball is number `first`."""
         body = self.body()
         return {
-            "balls": [first, first + len(self.spheres)],
+            "balls": (first, first + len(self.spheres)),
             "mass": body.mass,
             "inertia": list(body.moments),
             "position": self.middle().tolist(),
