@@ -138,7 +138,7 @@ class Clumps(Mapping[str, Clump]):
         return len(self._clumps)
 
     def __repr__(self) -> str:
-        return f"<{counted(len(self), "clump")}: {', '.join(self)}>"
+        return f"<{counted(len(self), 'clump')}: {', '.join(self)}>"
 
 
 def _check(result: RunData, table: Mapping[str, Any], count: int) -> None:
