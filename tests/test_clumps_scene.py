@@ -12,10 +12,11 @@ import pytest
 from carom import ScenarioError, Scene, simulate_batch
 from carom.cli import main
 from carom.errors import CaromError
-from carom.result.clumps import Clumps
+from carom.result.clumps import Clumps, rigid
 from carom.scene.assembly.arrays import identify
 from carom.scene.assembly.rotations import rotated
 from carom.scene.tables.clumps import Clump
+from carom.show.viewer.table import ball_facts
 
 TEE = [[-0.01, 0, 0, 0.006], [0, 0, 0, 0.006], [0.01, 0, 0, 0.006], [0, 0.01, 0, 0.006], [0, 0.02, 0, 0.006]]
 """Spheres that overlap, in the shape of a T: its principal axes are its own ones."""
@@ -377,3 +378,12 @@ def test_the_commands_count_clumps(tmp_path: Path, capsys: pytest.CaptureFixture
     assert json.loads(printed("check", str(tmp_path / "grain.toml"), "--json"))["clumps"] == 1
     assert json.loads(printed("info", str(tmp_path / "run"), "--json"))["clumps"] == 1
     assert "principal moments" in printed("info", str(tmp_path / "run"))
+
+
+def test_pictures_give_the_balls_of_a_clump_one_colour(result: carom.Result) -> None:
+    assert rigid(result).tolist() == [0, 1, 1, 1]
+    shown = ball_facts(result, None, 1)["balls"]
+    assert len({colour for _, colour, _ in shown[1:]}) == 1
+    assert shown[0][1] != shown[1][1]
+    assert {label for _, _, label in shown} == {""}
+    assert len(ball_facts(result, None, 2)["balls"]) == 2
