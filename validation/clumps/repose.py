@@ -73,7 +73,7 @@ def column(shape: str, grains: int, seed: int) -> carom.Scene:
 
 
 def slope(result: carom.Result) -> float:
-    """Of the wedge against the back wall with the same centre of mass: a third of its height over a third of its length, degrees."""
+    """Of the wedge with the same centre of mass, degrees: a third of its height over a third of its length."""
     centre = np.asarray(result.position)[-1].mean(axis=0)  # of grains that are alike
     return float(np.degrees(np.arctan(centre[2] / centre[0])))
 
