@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, cohesion, forces, loads_once
+from carom.audit import answers, cohesion, flights, forces, loads_once
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
@@ -196,6 +196,7 @@ def _load(block: Block) -> F64:
     """(B, N) speed that weight and other loads give each body in a step, m/s."""
     run = block.run
     weight = np.full((block.count, run.bodies), float(norm(run.gravity)) * run.h)
+    weight += flights.speeds_of_turning(block)
     if not run.loads and not run.joints:
         return weight
     given = of_loads(block)
