@@ -18,7 +18,9 @@ use std::ops::Range;
 /// Iterations for the turning of a free clump in a step. Each gains a factor of about the turn in the step: more are in vain.
 const MOST_ITERATIONS: u32 = 60;
 /// Change of the angular velocity over itself (1) that is none.
-const ROUNDING: f64 = 4.0 * f64::EPSILON;
+const ROUNDING: f64 = 2.0 * f64::EPSILON;
+/// The same where it grows no smaller.
+const NEARLY: f64 = 1e-13;
 
 /// Parts of a step (1) of second order that together are one of sixth (H. Yoshida, Phys. Lett. A 150, 1990, solution A).
 const COMPOSITION: [f64; 7] = {
@@ -105,15 +107,16 @@ impl Clump {
 
     /// A part of it of second order, that backwards in time is the same: the increment is that of the mean of both angular velocities.
     fn symmetric(&self, q: DQuat, w: DVec3, h: f64, momentum: DVec3) -> Option<(DQuat, DVec3)> {
-        let mut end = w;
+        let (mut end, mut last) = (w, f64::INFINITY);
         for _ in 0..MOST_ITERATIONS {
             let to = advance(0.5 * h * (w + end), q);
             let next = self.turning(to, momentum);
-            let change = (next - end).length();
+            let change = (next - end).length() / next.length().max(f64::MIN_POSITIVE);
             end = next;
-            if change <= ROUNDING * end.length() {
+            if change <= ROUNDING || (change >= last && last <= NEARLY) {
                 return Some((to, end));
             }
+            last = change;
         }
         None
     }

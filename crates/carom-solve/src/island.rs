@@ -65,6 +65,9 @@ const DENSE_NODES: usize = 24;
 /// Share (1) of the first residual below which a dense system is tried without shift: quadratic from there. With 1 the shift is
 /// missing where it is needed, far from the solution; with 0 the last digits take many iterations.
 const NEAR: f64 = 1e-2;
+/// By how much (1) penalties of both rows of a disc differ that are not those of spheres, where rounding alone makes them differ. Both rows then have
+/// one penalty: with two, what slides is not slowed against its slip.
+const UNEVEN: f64 = 1e-9;
 /// Roundings of a coordinate (1) by which a closed gap may miss its tolerance. A rack of touching spheres has gaps that are
 /// rounding and contradict one another: with 0 no method solves them where steps are short; large, joints drift.
 const GAP_ROUNDINGS: f64 = 16.0;
@@ -216,6 +219,18 @@ impl Newton {
     fn set_penalty(&mut self, system: &RowSystem, scale: f64) {
         for (p, d) in self.at.penalty.iter_mut().zip(&system.diag) {
             *p = scale / d;
+        }
+        for c in system.contacts.iter().filter(|c| !c.bilateral) {
+            let discs = [c.bounds.sliding, c.bounds.rolling].map(|bound| bound > 0.0);
+            let mut row = c.row as usize + 1;
+            for _ in discs.into_iter().filter(|is_there| *is_there) {
+                let both = &mut self.at.penalty[row..row + 2];
+                let [least, most] = [both[0].min(both[1]), both[0].max(both[1])];
+                if most > (1.0 + UNEVEN) * least {
+                    both.fill(least);
+                }
+                row += 2;
+            }
         }
     }
 
