@@ -22,6 +22,8 @@ INFLOW = f'[[inflow]]\nname = "in"\n{SPHERE}count = 2\nrate = 1.0\nseed = 1\n'
 FAR = "region = { low = [3,3,3], high = [4,4,4] }\n"
 PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 1\ncount = 2\n'
 PRINTED = 'step = 1e-3 -> step = 1e-3\nposition_friction = "paper"\n'
+CLUMP = '[[clump]]\nname = "rod"\nmaterial = "ball"\nposition = [3,3,3]\nmass = 1.0\n'
+RIGID = CLUMP + "spheres = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]]\n"
 CORNERS = "[[9.0, 9.0, 9.0], [9.1, 9.0, 9.0], [9.0, 9.1, 9.0]]"
 BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
@@ -36,6 +38,52 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             INFLOW
             + "region = { low = [3,3,3], high = [4,4,4] }\n"
             + '[[drag]]\non = "all"\ntranslation = 1.0\n',
+        )
+    ],
+    "centre is given without inertia: with another centre of mass the body is not homogeneous": [
+        ("clump", RIGID + "centre = [0, 0, 0]\n")
+    ],
+    "no body has this tensor of inertia: ...": [
+        ("inertia", RIGID + "inertia = [1, 1, 3]\n"),
+        ("inertia", RIGID + "inertia = [1, 1, 1, 2, 0, 0]\n"),
+    ],
+    "expected a list of 3 or 6 moments of inertia, found ...": [
+        ("inertia", RIGID + "inertia = [1, 1]\n"),
+        ("inertia", RIGID + "inertia = 3\n"),
+    ],
+    "a radius must be positive, found ...": [("spheres", CLUMP + "spheres = [[0, 0, 0, 0]]\n")],
+    "... not act in a scene with clumps yet": [
+        ("joint", RIGID + '[[joint]]\ntype = "fix"\nbody = "cue"\n'),
+        ("load", RIGID + '[[load]]\non = "cue"\nforce = [0, 0, 1]\n'),
+        ("spring", RIGID + '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\n'),
+        ("drag", RIGID + '[[drag]]\non = "cue"\ntranslation = 1.0\n'),
+        ("load_function", RIGID + '[[load_function]]\nname = "f"\n'),
+        ("inflow", RIGID + INFLOW + FAR),
+        ("outlet", RIGID + "[[outlet]]\nlow = [9,9,9]\nhigh = [10,10,10]\n"),
+    ],
+    "cohesion does not act in a scene with clumps yet": [
+        (
+            "cohesion",
+            "restitution = 0.9 -> restitution = 0.9\ncohesion = 1.0\nrupture_distance = 1e-4\n\n" + RIGID,
+        )
+    ],
+    "clumps need method nsga, found ...": [
+        ("run.method", f'step = 1e-3 -> step = 1e-3\nmethod = "{method}"\n\n{RIGID}')
+        for method in ("moreau", "penalty", "events")
+    ],
+    "clumps need position_friction once, found ...": [("run.position_friction", PRINTED + "\n" + RIGID)],
+    "clumps need another impact law than ...": [
+        ("run.impact", f'step = 1e-3 -> step = 1e-3\nimpact = "sequence-paper"\n\n{RIGID}')
+    ],
+    "a principal moment comes to ..., outside ... to ...": [
+        ("inertia", RIGID + "inertia = [1e-91, 1e-91, 1e-91]\n")
+    ],
+    "clump ... is ... m long, and the period along ... ... m": [
+        (
+            "spheres",
+            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.15, 0, 0]\n\n"
+            + CLUMP
+            + "spheres = [[0, 0, 0, 0.01], [0.16, 0, 0, 0.01]]\n",
         )
     ],
     "... enters in the course of the run, and what enters must be free": [

@@ -450,6 +450,15 @@ GENERATORS = {
         "counts": [2, 2, 2],
         "origin": [0, 0, 5],
     },
+    "clump": {
+        "name": "c",
+        "material": "ball",
+        "spheres": [[-0.01, 0, 0, 0.01], [0.005, 0, 0, 0.01]],
+        "density": 1000,
+        "position": [0, 5, 5],
+        "orientation": [0.6, 0.8, 0, 0],
+        "angular_velocity": [0, 0, 1],
+    },
 }
 
 
@@ -473,7 +482,10 @@ def test_any_value_at_any_place_is_taken_or_refused_in_words(data: st.DataObject
         for line in str(error).splitlines():
             assert re.match(r"scenario text:\d+: .+; .+", line)
     else:
-        assert all(np.isfinite(array).all() for name, array in scene.to_model().items() if name != "options")
+        model = scene.to_model()
+        clumps = [np.asarray(value) for clump in model.pop("clumps", ()) for value in clump.values()]
+        arrays = [array for name, array in model.items() if name != "options"]
+        assert all(np.isfinite(array).all() for array in (*arrays, *clumps))
 
 
 class TestFiles:

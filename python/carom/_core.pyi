@@ -167,6 +167,10 @@ class Simulation:
     which move along their normals, with the force of the law along them. Their state stands behind that of the balls in
     `state()`; frames have `free_walls (F, walls, 2)`, displacement and velocity along the normal.
 
+    `clumps` is a list of `{"balls": (first, stop), "mass": kg, "inertia": principal moments (3,), "position": centre of
+    mass, "orientation": quaternion of the principal axes, "velocity", "angular_velocity"}`: rigid bodies of successive
+    balls. Frames have `clumps (F, clumps, 13)`: position, orientation, velocity, angular velocity.
+
     A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `inflow`: list of `{"bodies": (first,
     count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),
     "spread": m/s per component, "seed": int}`, whose balls are absent until they enter. `outlet`: list of

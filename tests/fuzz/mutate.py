@@ -56,6 +56,7 @@ SECTIONS = (
         "sphere",
         "rack",
         "lattice",
+        "clump",
         "packing",
         "plane",
         "box",

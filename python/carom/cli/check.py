@@ -83,6 +83,8 @@ def check(
 
 def _facts(described: Scene, cases: list[str]) -> dict[str, Any]:
     facts: dict[str, Any] = {"bodies": len(described.names), "planes": len(described.plane_names)}
+    if described.clumps:
+        facts["clumps"] = len(described.clumps)
     others = len(described.wall_names) - len(described.plane_names)
     if others:
         facts["other_walls"] = others

@@ -36,6 +36,7 @@ def info(run: Run, as_json: Json = False) -> None:
         "being_written": result.is_being_written,
         "outcome": str(result.outcome),
         "bodies": len(result.names),
+        **({"clumps": clumps} if (clumps := len(result.clumps)) else {}),
         "planes": len(result.planes),
         **({"other_walls": others} if (others := len(result.walls) - len(result.planes)) else {}),
         "steps": len(result.steps),
@@ -77,6 +78,13 @@ def info(run: Run, as_json: Json = False) -> None:
         rows += [
             [n, f"{r:g}", f"{m:g}", f"{i:g}"]
             for n, r, m, i in zip(body["name"], body["radius"], body["mass"], body["inertia"], strict=True)
+        ]
+        blocks.append(table(rows))
+    if 0 < len(result.clumps) <= 20:
+        rows = [["clump", "balls", "mass (kg)", "principal moments (kg m^2)"]]
+        rows += [
+            [name, str(len(clump.numbers)), f"{clump.mass:g}", ", ".join(f"{j:g}" for j in clump.moments)]
+            for name, clump in result.clumps.items()
         ]
         blocks.append(table(rows))
     print("\n\n".join(blocks))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.errors import did_you_mean
+from carom.errors import counted, did_you_mean
 from carom.result.record.clumps import COLUMNS
 from carom.result.tables import UnknownName
 from carom.scene.assembly.rotations import inverse, product, rotated, rotated_back
@@ -138,7 +138,7 @@ class Clumps(Mapping[str, Clump]):
         return len(self._clumps)
 
     def __repr__(self) -> str:
-        return f"<{len(self)} clumps: {', '.join(self)}>"
+        return f"<{counted(len(self), 'clump')}: {', '.join(self)}>"
 
 
 def _check(result: RunData, table: Mapping[str, Any], count: int) -> None:

@@ -22,6 +22,7 @@ def of_result(result: RunData) -> str:
         facts.append(("energy", f"{total[0]:.6g} J after the first step, {total[-1]:.6g} J at the end"))
     facts += [
         ("tables", f"impacts {len(result.impacts)} rows, contacts {len(result.contacts)} rows"),
+        *([("clumps", ", ".join(list(result.clumps)[:LISTED]))] if result.clumps else []),
         ("walls", ", ".join(result.wall_names[:LISTED]) or "none"),
         ("directory", result.origin),
     ]

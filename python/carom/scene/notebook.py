@@ -20,6 +20,7 @@ def of_scene(scene: Scene) -> str:
             + ", ".join(names[:LISTED])
             + (" ..." if len(names) > LISTED else ""),
         ),
+        *([("clumps", ", ".join(clump.name for clump in scene.clumps[:LISTED]))] if scene.clumps else []),
         ("walls", ", ".join(scene.wall_names[:LISTED]) or "none"),
         ("gravity", f"{vector(scene.gravity)} m/s^2"),
         (

@@ -122,8 +122,8 @@ MEANINGS: dict[str, Meaning] = {
     ),
     "frames/clumps": Meaning(
         "m, 1, m/s, rad/s",
-        "(frame, clump, 13) centre of mass (xyz), unit quaternion of the principal axes (wxyz), velocity of the centre of"
-        " mass (xyz), angular velocity in the world frame (xyz)",
+        "(frame, clump, 13) centre of mass (3), unit quaternion of the principal axes (4), velocity (3) and angular velocity"
+        " (3), in the world frame",
     ),
     "frames/walls": Meaning(
         "N s, N m s",

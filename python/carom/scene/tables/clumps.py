@@ -21,6 +21,7 @@ from carom.scene.tables.base import Table
 from carom.scene.tables.fields import exactly_one, refuse
 from carom.scene.tables.lists import BallPlace, Quaternion, Tensor, Vectors
 from carom.scene.tables.quantities import (
+    FARTHEST,
     ZEROS,
     AngularVelocity,
     Density,
@@ -59,7 +60,7 @@ class Clump(Table):
     name: Name = key("name; its balls are called by it and their number, from 1", examples=["rod"])
     material: Name = key("name of its material", examples=["steel"])
     spheres: Annotated[
-        tuple[tuple[float, float, float, float], ...], Vectors(BallPlace(), 1, MOST_SPHERES)
+        tuple[tuple[float, float, float, float], ...], Vectors(BallPlace(most=FARTHEST), 1, MOST_SPHERES)
     ] = key(
         "centres and radii [x, y, z, radius] in own axes; they may overlap",
         "m",
