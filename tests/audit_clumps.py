@@ -63,7 +63,9 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         common = {"material": "grain", "position": place, "velocity": velocity, "angular_velocity": turning}
         if k < clumps:
             turn = rng.normal(size=4)
-            heavy = one({"density": 2500.0}, {"density": 2500.0}, {"mass": 0.02, "inertia": [4e-7, 2e-6, 2.2e-6]})
+            heavy = one(
+                {"density": 2500.0}, {"density": 2500.0}, {"mass": 0.02, "inertia": [4e-7, 2e-6, 2.2e-6]}
+            )
             made.clump(f"c{k}_", spheres=_spheres(rng), orientation=(turn / np.linalg.norm(turn)).tolist(),
                        **heavy, **common)  # fmt: skip
         else:

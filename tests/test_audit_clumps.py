@@ -150,7 +150,9 @@ def test_a_ball_that_leaves_its_clump_is_found(
     def edit(file: h5py.File) -> None:
         values = file[f"frames/{column}"][5, 1]
         values[1] += 1e-6
-        file[f"frames/{column}"][5, 1] = values / np.linalg.norm(values) if column == "orientation" else values
+        file[f"frames/{column}"][5, 1] = (
+            values / np.linalg.norm(values) if column == "orientation" else values
+        )
 
     assert "rigid" in kinds(audit.check(planted(runs[name], tmp_path / "run", edit)))
 
@@ -203,7 +205,11 @@ def test_a_lost_correction_of_places_is_found(name: str, runs: dict[str, Path], 
 @pytest.mark.parametrize("name", ["thrown", "lying", "rare"])
 @pytest.mark.parametrize(
     ("given", "other", "law"),
-    [("mass = 0.02", "mass = 0.02002", "momentum"), ("2e-06", "2.002e-06", "spin"), ("0.012", "0.012001", "rigid")],
+    [
+        ("mass = 0.02", "mass = 0.02002", "momentum"),
+        ("2e-06", "2.002e-06", "spin"),
+        ("0.012", "0.012001", "rigid"),
+    ],
 )
 def test_another_clump_is_found(
     name: str, given: str, other: str, law: str, runs: dict[str, Path], tmp_path: Path

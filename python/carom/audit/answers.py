@@ -98,7 +98,7 @@ class Answers:
         return np.concatenate(where), np.concatenate(found)
 
     def _of_clump(self, number: int, k: I64, body: I64, momenta: F64) -> tuple[I64, F64]:
-        """Intervals (W,) in which momenta (M, 6) are given to balls of a clump, and velocities (W, n, 6) of all its balls."""
+        """Intervals (W,) in which momenta (M, 6) are given to balls of a clump, and velocities (W, n, 6) of these all."""
         clump = self.block.run.clumps[number]
         which, row = np.unique(k, return_inverse=True)
         rows = self.block.c1[which, number]

@@ -22,7 +22,7 @@ from carom.audit.data import Run
 from carom.audit.formula import law
 from carom.audit.references import at
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, norm
+from carom.audit.vectors import EPS
 from carom.scene.assembly.arrays import identify
 
 Claim = tuple[str, Any, Any, float]

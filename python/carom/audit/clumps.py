@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.audit import flights, forces, rigid
-from carom.audit.block import Block
+from carom.audit import flights, forces, groups, hits, rigid
+from carom.audit.block import Block, Rows
 from carom.audit.loads import solved_again
 from carom.audit.motion import CONTACTS, RECORD, largest, rounding
 from carom.audit.report import Tally
@@ -31,8 +31,8 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         return
     _as_one(block, tally)
     for number, clump in enumerate(run.clumps):
-        apart = free[:, clump.balls].all(axis=1)
-        known = apart | (block.kept if run.has_contacts else False)
+        apart = np.asarray(free[:, clump.balls].all(axis=1))
+        known = np.asarray(apart | (block.kept & run.has_contacts))
         unseen = int((~known).sum())
         for kind in KINDS:
             if run.has_contacts:
@@ -46,7 +46,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
 def _as_one(block: Block, tally: Tally) -> None:
     """Balls are where their clump has them, and move as it does. Bound: rounding; of orientations that of all steps."""
     run = block.run
-    x, q, v, w = rigid.start_places(run, block.x1, block.q1, block.c1)
+    x, q, v, w = rigid.placed(run, block.x1, block.q1, block.c1)
     reach = np.array([clump.reach for clump in run.clumps])[run.clump_of[run.in_clump]]
     fast = forces.speeds(block)[:, run.in_clump]
     spin = forces.pushes(block)[1] / run.inertia + np.maximum(norm(block.w0), norm(block.w1))
@@ -61,7 +61,7 @@ def _as_one(block: Block, tally: Tally) -> None:
         least = np.maximum(scale, 1e-300)
         _measure(block, tally, off / least, 32.0 * EPS * size / least)
     turned = norm(rotation_vector(product(block.q1[:, mine], conjugate(q[:, mine]))))
-    _measure(block, tally, turned, EPS * (64.0 + 8.0 * block.s1)[:, None])
+    _measure(block, tally, turned, np.asarray(EPS * (64.0 + 8.0 * block.s1))[:, None])
 
 
 def _measure(block: Block, tally: Tally, value: F64, bound: F64) -> None:
@@ -154,6 +154,20 @@ class _Clump:
         reach = np.where(block.single, 0.0, 2.0 * (struck * block.dt + moved) / m)
         return value, self.rounding * size + np.where(self.touched, left + reach, 0.0)
 
+    def _by_loads(self) -> F64:
+        """(B,) position impulses of loads on it, N s^2, of which positions may have taken back all."""
+        block, run, c = self.block, self.block.run, self.block.rows
+        size = np.zeros((block.count, run.bodies + 1))
+        struck = groups.struck(block)[c.k, c.a] & run.has_impacts
+        tables: list[tuple[Rows | hits.Hits, F64]] = [(c, np.where(struck, 0.0, norm(c.impulse)))]
+        if run.has_impacts:
+            r = hits.of_block(block)
+            tables.append((r, np.where(r.problem == 0, norm(r.impulse), 0.0)))
+        for table, given in tables:
+            for body in (table.a, np.minimum(table.b, run.bodies)):
+                np.add.at(size, (table.k, body), given)
+        return np.asarray(run.h * size[:, self.clump.balls].sum(axis=1))
+
     def _rotation(self) -> tuple[F64, F64]:
         block, s, clump = self.block, self.sums, self.clump
         free, q = flights.of_block(block), self.new[:, 3:7]
@@ -163,8 +177,8 @@ class _Clump:
         value = np.minimum(*(norm(off - psi) for psi in given))
         way = block.dt * self.spin * ratio
         bound = self.rounding * (8.0 + way) * ratio + free.off[:, self.number]
-        turned = clump.reach * s.shift_size[:, clump.first] + self._of_balls(norm(s.shift_moments[0]))
-        angle = turned / least
+        turned = clump.reach * (s.shift_size[:, clump.first] + self._by_loads())
+        angle = (turned + self._of_balls(norm(s.shift_moments[0]))) / least
         doubt = self._of_balls(s.shift_turned + s.shift_again * solved_again(block)[:, None]) / least
         size = norm(block.rows.position_impulse) * clump.reach + norm(block.rows.position_moment)
         left = (block.left(size) + block.floor * clump.reach) / least

@@ -3,7 +3,8 @@
     0 <= z_N, P_N >= 0, P_N z_N = 0,   P_T = the nearest in the disc of radius mu P_N to P_T - z_T/D_TT,   z = G v_n + W P
 
 over the contacts of a group, by sweeps and Newton's method on dense matrices. Of a group with more than `MOST` contacts,
-with rolling or spinning bounds, with joints, dampers or clumps, whose solution was not found or is not one, nothing is known.
+with rolling or spinning bounds, with joints, dampers or clumps, and of one whose solution was not found or is not one,
+nothing is known.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ class Compression(NamedTuple):
 def of_rows(
     run: Run, r: Hits, group: I64, lever: F64, motion: tuple[F64, F64], mu: F64, causes: Causes
 ) -> Compression:
-    """`lever` (K, 3) of the rows, `motion` their normal and slip velocities before the step; `causes` why of groups with some
-    rows (K,) nothing is known.
+    """`lever` (K, 3) of the rows, `motion` their normal and slip velocities before the step; `causes` why nothing is
+    known of groups with some rows (K,).
     """
     many, index = len(run.names), run.law_index(r.a, r.b)
     _, first, contact = np.unique((r.k * many + r.a) * many + r.b, return_index=True, return_inverse=True)

@@ -130,7 +130,10 @@ def _balance(block: Block, tally: Tally) -> None:
         total = total + np.bincount(mine, of_rows, minlength=bodies)
         return np.asarray(total, dtype=np.float64).reshape(label.shape)
 
-    change = rigid.kinetic(run, block.v1, block.w1, block.c1) - rigid.kinetic(run, block.v0, block.w0, block.c0)
+    motion = [
+        rigid.kinetic(run, *of) for of in ((block.v0, block.w0, block.c0), (block.v1, block.w1, block.c1))
+    ]
+    change = motion[1] - motion[0]
     change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
     turned, turned_slack = flights.energy_of_turning(block)
     change = change - turned
@@ -165,8 +168,8 @@ def _balance(block: Block, tally: Tally) -> None:
     moved = norm(c.position_impulse) * norm(run.gravity)
     # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
     solved = 4.0 * block.tolerance[c.k] * (impulse * at + moved + np.abs(c.work).sum(axis=1))
-    ends = (block.x0, block.v0, block.w0, block.c0), (block.x1, block.v1, block.w1, block.c1)
-    size = np.maximum(*(rigid.sizes(run, *end) for end in ends))
+    states = (block.x0, block.v0, block.w0, block.c0), (block.x1, block.v1, block.w1, block.c1)
+    size = np.maximum(*(rigid.sizes(run, *state) for state in states))
     top = summed(size, np.abs(c.work).sum(axis=1))
     top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)

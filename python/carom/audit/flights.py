@@ -42,11 +42,11 @@ def of_block(block: Block) -> Flights:
         q, w = old[:, 3:7], old[:, 10:]
         new[:, :3] = old[:, :3] + dt * old[:, 7:10] + 0.5 * dt * dt * run.gravity
         new[:, 7:10] = old[:, 7:10] + dt * run.gravity
-        new[:, 3:7] = clump.free(q, w, block.dt)
+        new[:, 3:7] = clump.free(q, w, np.asarray(block.dt, dtype=np.float64))
         new[:, 10:] = clump.turning(new[:, 3:7], clump.momentum(q, w))
         fast = np.where((norm(w) > norm(block.c1[:, number, 10:]))[:, None], w, block.c1[:, number, 10:])
         off[:, number] = block.updates * clump.scheme(fast, run.h)
-    x, _, v, _ = rigid.start_places(run, block.x1, block.q1, rows)
+    x, _, v, _ = rigid.placed(run, block.x1, block.q1, rows)
     return Flights(rows, x, v, off)
 
 
@@ -67,11 +67,11 @@ def speeds_of_turning(block: Block) -> F64:
 
 @once
 def turned_on(block: Block) -> tuple[F64, F64]:
-    """(B, N, 3) velocities and angular velocities of the first frames that balls of clumps have at the places of the second."""
+    """(B, N, 3) velocities and angular velocities of balls of clumps, of the first frames at the places of the second."""
     rows = block.c1.copy()
     rows[..., 7:] = block.c0[..., 7:]
-    _, _, v, w = rigid.start_places(block.run, block.x1, block.q1, rows)
-    return v, w
+    found = rigid.placed(block.run, block.x1, block.q1, rows)
+    return found[2], found[3]
 
 
 def of_ball(block: Block, number: int, at: I64, motion: F64) -> F64:
@@ -83,12 +83,12 @@ def of_ball(block: Block, number: int, at: I64, motion: F64) -> F64:
     lever = clump.levers(found)[np.arange(len(k)), ball - clump.first]
     found[:, 7:10] = motion[:, :3] - cross(motion[:, 3:], lever)
     found[:, 10:] = motion[:, 3:]
-    return found
+    return np.asarray(found)
 
 
 def energy_of_turning(block: Block) -> tuple[F64, F64]:
-    """(B, N) by how much the energy of clumps changes in the step as they turn, where their angular momenta stay, and how far
-    that may be off, J: exact where the interval is one whole step. It is of the first ball of each.
+    """(B, N) by how much the energy of clumps changes in the step as they turn, where their angular momenta stay, and how
+    far that may be off, J: exact where the interval is one whole step. It is of the first ball of each.
 
     Contacts turn clumps at the position level, and the scheme turns free ones not quite as their energy asks. Turned by an
     angle, a clump has at most that much of `L^2 (1/J_min - 1/J_max)/2` more.
@@ -109,8 +109,8 @@ def energy_of_turning(block: Block) -> tuple[F64, F64]:
 
 
 def risen(run: Run, motion: F64) -> F64:
-    """(S,) by how much the energy of clumps may rise in each step as they turn (`energy_of_turning`), J; `motion` (S,) is the
-    kinetic energy. Without the frames of a step: contacts correct places by at most the way of a step.
+    """(S,) by how much the energy of clumps may rise in each step as they turn (`energy_of_turning`), J; `motion` (S,) is
+    the kinetic energy. Without the frames of a step: contacts correct places by at most the way of a step.
     """
     found = np.zeros(len(motion))
     if not run.clumps:

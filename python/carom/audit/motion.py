@@ -33,7 +33,6 @@ from carom.audit.vectors import (
     add_at,
     conjugate,
     cross,
-    dot,
     exponential,
     norm,
     product,

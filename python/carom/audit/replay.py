@@ -194,8 +194,8 @@ class Replay:
         self.answering = answering
         self.pressed: compression.Compression | None = None
         if run.impact_law.restitution == "poisson":
-            every, joined = slice(0, len(r)), groups(block, r)
-            before = self._rates(every, (self.old[self.at[0]], self.old[self.at[1]]), old=True)
+            whole, joined = slice(0, len(r)), groups(block, r)
+            before = self._rates(whole, (self.old[self.at[0]], self.old[self.at[1]]), old=True)
             causes = (
                 (answering[r.k], "groups with joints or dampers"),
                 (np.append(run.in_clump, False)[r.a], "groups with clumps"),

@@ -171,7 +171,7 @@ def turned_energy(clump: Clump, old: F64, new: F64) -> F64:
     return np.asarray(0.5 * (ends[1] - ends[0]))
 
 
-def start_places(run: Run, x: F64, q: F64, rows: F64) -> tuple[F64, F64, F64, F64]:
+def placed(run: Run, x: F64, q: F64, rows: F64) -> tuple[F64, F64, F64, F64]:
     """Places, orientations, velocities and angular velocities (..., N, ...) that balls of clumps have by rows (..., C, 13),
     in copies of those of all bodies, whose velocities are not looked at.
     """
@@ -186,4 +186,3 @@ def start_places(run: Run, x: F64, q: F64, rows: F64) -> tuple[F64, F64, F64, F6
         v[..., b, :] = row[..., None, 7:10] + cross(spin, lever)
         w[..., b, :] = spin
     return x, q, v, w
-

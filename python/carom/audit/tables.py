@@ -116,7 +116,12 @@ def _scenario(run: Run, tally: Tally) -> None:
     if run.clumps:
         given = np.array([clump.start for clump in run.clumps])
         lengths = np.array([clump.reach for clump in run.clumps])
-        for part, least in ((slice(0, 3), lengths), (slice(3, 7), 1.0), (slice(7, 10), 0.0), (slice(10, 13), 0.0)):
+        for part, least in (
+            (slice(0, 3), lengths),
+            (slice(3, 7), 1.0),
+            (slice(7, 10), 0.0),
+            (slice(10, 13), 0.0),
+        ):
             off = norm(run.motion_of_clumps(slice(0, 1))[0, :, part] - given[:, part])
             off = off / (norm(given[:, part]) + least + 1e-300)
             tally.measure("scenario", off, 8.0 * EPS, lambda i: run.frame_place(0, run.clumps[i].first))
