@@ -78,7 +78,7 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         "every": one(1, 1, 1, 10),
         "impacts": one("every", True, True, True, False),
         "contacts": one(True, True, True, True, False),
-        "impact": one("sequence", "sequence", "sequence", "one-shot", "poisson", "compliant"),
+        "impact": one("sequence", "sequence", "sequence", "one-shot", "poisson"),
     }
     return made, options
 

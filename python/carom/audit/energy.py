@@ -305,7 +305,7 @@ def rises(run: Run, tally: Tally) -> None:
     """No step may gain energy beyond the work of loads and walls and what bodies bring or take.
 
     Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding; in steps with islands of more
-    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat, the position
+    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat or move, the position
     correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
     `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10);
     of the force on a free wall that times the way of the wall. Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a free wall, times
@@ -331,7 +331,7 @@ def rises(run: Run, tally: Tally) -> None:
     bound = 1e-12 * top + 16.0 * EPS * np.maximum(np.abs(potential[1:]), np.abs(potential[:-1]))
     large = s["candidates"] > run.small
     bound = bound + np.where(large, RISE_PILE * (h / 1e-3) ** 2 * top, 0.0)
-    round_walls = any(not wall.flat or wall.rotation is not None for wall in run.walls)
+    round_walls = any(not wall.flat or wall.moves for wall in run.walls)
     if run.bodies > 1 or round_walls:
         bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.whole_mass), 0.0)
     forces = [np.abs(law(wall.force, s["time"])[0]) for wall in run.free_walls]
