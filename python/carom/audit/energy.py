@@ -305,8 +305,8 @@ def rises(run: Run, tally: Tally) -> None:
     """No step may gain energy beyond the work of loads and walls and what bodies bring or take.
 
     Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding; in steps with islands of more
-    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat or move, the position
-    correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
+    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat or move, the
+    position correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
     `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10);
     of the force on a free wall that times the way of the wall. Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a free wall, times
     all impulses that loads and motion can give, for it moves bodies by the mean of velocities. Penalty: what its integration
