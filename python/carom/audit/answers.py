@@ -78,12 +78,11 @@ class Answers:
         alone = (self.group_of[body] < 0) | free
         alone &= self.block.run.clump_of[body] < 0
         where, found = [at[alone]], [momenta[alone] / self.inertia[body[alone]]]
-        for number in np.unique(self.block.run.clump_of[body[~alone]]):
-            if number >= 0:
-                mine = np.flatnonzero(self.block.run.clump_of[body] == number)
-                which, moved = self._of_clump(int(number), k[mine], body[mine], momenta[mine])
-                where.append((which[:, None] * n + self.block.run.clumps[number].balls).ravel())
-                found.append(moved.reshape(-1, 6))
+        mine = np.flatnonzero(self.block.run.clump_of[body] >= 0)
+        if mine.size:
+            whole, moved = self._of_clumps(k[mine], body[mine], momenta[mine])
+            where.append(whole)
+            found.append(moved)
         for number, group in enumerate([] if free else self.groups):
             mine = np.flatnonzero(self.group_of[body] == number)
             if not mine.size:
@@ -97,18 +96,21 @@ class Answers:
             found.append(moved.reshape(-1, 6))
         return np.concatenate(where), np.concatenate(found)
 
-    def _of_clump(self, number: int, k: I64, body: I64, momenta: F64) -> tuple[I64, F64]:
-        """Intervals (W,) in which momenta (M, 6) are given to balls of a clump, and velocities (W, n, 6) of these all."""
-        clump = self.block.run.clumps[number]
-        which, row = np.unique(k, return_inverse=True)
-        rows = self.block.c1[which, number]
-        lever = clump.levers(rows)
-        given = np.zeros((len(which), 6))
-        arm = lever[row, body - clump.first]
-        add_at(given, (row,), momenta + np.pad(cross(arm, momenta[:, :3]), ((0, 0), (3, 0))))
-        spin = np.broadcast_to(clump.turning(rows[:, 3:7], given[:, 3:])[:, None], lever.shape)
-        along = given[:, None, :3] / clump.mass + cross(spin, lever)
-        return which, np.concatenate([along, spin], axis=-1)
+    def _of_clumps(self, k: I64, body: I64, momenta: F64) -> tuple[I64, F64]:
+        """The same of momenta (M, 6) that are given to balls of clumps: it moves all balls of these."""
+        run, all_of = self.block.run, self.block.run.rigid
+        many = len(run.clumps)
+        keys, row = np.unique(k * many + run.clump_of[body], return_inverse=True)
+        which, number = np.divmod(keys, many)
+        q = self.block.c1[which, number, 3:7]
+        given = np.zeros((len(keys), 6))
+        arm = rotated(q[row], all_of.offsets[body])
+        add_at(given, (row,), np.hstack([momenta[:, :3], momenta[:, 3:] + cross(arm, momenta[:, :3])]))
+        along, spin = given[:, :3] / all_of.mass[number, None], all_of.turning(number, q, given[:, 3:])
+        each, balls = all_of.balls_of(number)
+        lever = rotated(q[each], all_of.offsets[balls])
+        moved = np.hstack([along[each] + cross(spin[each], lever), spin[each]])
+        return which[each] * run.bodies + balls, moved
 
 
 @once

@@ -91,6 +91,7 @@ class Run:
         self.inertia: F64 = np.append(of_balls[2], np.full(free, guided.HELD))
         #: Rigid bodies of balls, which are bodies themselves.
         self.clumps = rigid.of_model(self.model)
+        self.rigid = rigid.together(self.clumps, len(self.mass))
         #: (N,) the clump of each body, -1 where there is none.
         self.clump_of: I64 = np.full(len(self.mass), -1)
         #: Masses of bodies, of balls of clumps those of the whole clumps, kg: what they may press with.

@@ -15,7 +15,7 @@ from carom.arrays import F64, I64
 from carom.audit import forces, rigid
 from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.vectors import EPS, cross, norm
+from carom.audit.vectors import EPS, cross, dot, norm, rotated
 
 
 class Flights(NamedTuple):
@@ -74,16 +74,17 @@ def turned_on(block: Block) -> tuple[F64, F64]:
     return found[2], found[3]
 
 
-def of_ball(block: Block, number: int, at: I64, motion: F64) -> F64:
-    """(M, 13) the motion of a clump, at the places of the second frames, of which a ball has the `motion` (M, 6); `at` is
-    interval times N plus ball.
+def energy_of_balls(block: Block, at: I64, motion: F64) -> F64:
+    """(M,) kinetic energy of the clumps, at the places of the second frames, of which balls have the `motion` (M, 6), J; `at`
+    is interval times N plus ball.
     """
-    clump, (k, ball) = block.run.clumps[number], np.divmod(at, block.run.bodies)
-    found = block.c1[k, number]
-    lever = clump.levers(found)[np.arange(len(k)), ball - clump.first]
-    found[:, 7:10] = motion[:, :3] - cross(motion[:, 3:], lever)
-    found[:, 10:] = motion[:, 3:]
-    return np.asarray(found)
+    run, (k, ball) = block.run, np.divmod(at, block.run.bodies)
+    number = run.clump_of[ball]
+    q, w = block.c1[k, number, 3:7], motion[:, 3:]
+    v = motion[:, :3] - cross(w, rotated(q, run.rigid.offsets[ball]))
+    turning = dot(w, run.rigid.momentum(number, q, w))
+    return np.asarray(0.5 * (run.rigid.mass[number] * dot(v, v) + turning))
+
 
 
 def energy_of_turning(block: Block) -> tuple[F64, F64]:

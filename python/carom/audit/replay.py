@@ -486,10 +486,10 @@ class Replay:
         now = self.now[self.at[0][rows], :3]
         driven = run.mass[r.a] * (before.normal**2 + norm(before.slip) ** 2 + dot(now, now))
         each = 0.5 * np.einsum("ij,ij,ij->i", self.inertia[at], self.now[at], self.now[at])
-        for number, clump in enumerate(run.clumps):  # the energy of a clump, shared by its balls
-            mine = np.flatnonzero(run.clump_of[at % run.bodies] == number)
-            row = flights.of_ball(block, number, at[mine], self.now[at[mine]])
-            each[mine] = clump.energy(row) / len(clump.balls)
+        if run.clumps:  # of which each ball has a share
+            mine = np.flatnonzero(run.in_clump[at % run.bodies])
+            share = run.rigid.count[run.clump_of[at[mine] % run.bodies]]
+            each[mine] = flights.energy_of_balls(block, at[mine], self.now[at[mine]]) / share
         kinetic = np.bincount(at // run.bodies, each, minlength=count) + total(np.where(moving, driven, 0.0))
         given = 2.0 * self.compliance[1][rows] * norm(r.impulse)
         fast = np.sqrt(total(after.normal**2 + norm(after.slip) ** 2)) + np.sqrt(total(given**2))

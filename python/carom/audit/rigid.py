@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -81,6 +81,49 @@ class Clump:
     def scheme(self, w: F64, h: float) -> F64:
         """(K,) rad by which the scheme may be off in the turn of a step `h`, for angular velocities (K, 3)."""
         return np.asarray(SCHEME * np.minimum(norm(w) * h, 1.0) ** 7)
+
+
+class Clumps(NamedTuple):
+    """All of them, as arrays: C clumps, N bodies."""
+
+    mass: F64
+    """(C,)"""
+    inertia: F64
+    """(C, 3) principal moments."""
+    first: I64
+    """(C,) their first balls, and how many they have."""
+    count: I64
+    offsets: F64
+    """(N, 3) centres of balls in the principal axes of their clumps, m; 0 of other bodies."""
+
+    def momentum(self, number: I64, q: F64, w: F64) -> F64:
+        """Angular momenta (K, 3) of clumps (K,), N m s."""
+        return rotated(q, self.inertia[number] * rotated(conjugate(q), w))
+
+    def turning(self, number: I64, q: F64, momentum: F64) -> F64:
+        """Angular velocities (K, 3) of clumps (K,), rad/s."""
+        return rotated(q, rotated(conjugate(q), momentum) / self.inertia[number])
+
+    def balls_of(self, number: I64) -> tuple[I64, I64]:
+        """All balls of clumps (K,), and which of the K each belongs to: the latter first."""
+        count = self.count[number]
+        each = np.repeat(np.arange(len(number)), count)
+        within = np.arange(len(each)) - np.repeat(np.cumsum(count) - count, count)
+        return each, self.first[number][each] + within
+
+
+def together(clumps: list[Clump], bodies: int) -> Clumps:
+    """The arrays of all clumps of a run with so many bodies."""
+    offsets = np.zeros((bodies, 3))
+    for clump in clumps:
+        offsets[clump.balls] = clump.offsets
+    return Clumps(
+        np.array([clump.mass for clump in clumps]),
+        np.array([clump.inertia for clump in clumps]).reshape(-1, 3),
+        np.array([clump.first for clump in clumps], dtype=np.int64),
+        np.array([len(clump.balls) for clump in clumps], dtype=np.int64),
+        offsets,
+    )
 
 
 def _extrapolated(clump: Clump, q: F64, momentum: F64, h: F64) -> F64:
