@@ -514,6 +514,9 @@ class Replay:
             of_scale = slice(None) if run.impact_law.restitution == "poisson" else rows
             for of in ends:
                 given_up[of[of_scale][self.r.scale[of_scale] == 0.0]] = True
+            for clump in run.clumps:
+                whole = given_up.reshape(count, -1)
+                whole[:, clump.balls] = whole[:, clump.balls].any(axis=1, keepdims=True)
             asked = ~(given_up[ends[0]] | given_up[ends[1]])
             since = total(self._work_since(rows, motion) * asked[rows])
             since = since - np.bincount(
