@@ -13,6 +13,7 @@ import numpy as np
 
 from carom.audit import (
     claims,
+    clumps,
     cones,
     counts,
     energy,
@@ -76,6 +77,7 @@ def _judge(run: Run, tally: Tally) -> None:
         pairs = near(block)
         tables.frames(block, tally)
         motion.judge(block, tally, pairs.free)
+        clumps.judge(block, tally, pairs.free)
         motion.walls(block, tally)
         gaps.penetration(block, pairs, tally)
         gaps.recorded(block, tally)

@@ -3,7 +3,8 @@
     (M + w C) dV = P + G^T Lambda,    G dV = 0,    w = h (Moreau-Jean: theta h)
 
 with the gradients `G` of joints where the velocity level has the bodies, and `C = -df/dv` of dampers and drag there. `dV` is
-linear in `P`, and one, also where rows of joints repeat one another; only rows that nearly do leave it unsure.
+linear in `P`, and one, also where rows of joints repeat one another; only rows that nearly do leave it unsure. Balls of a
+clump move as one body at the places of the second frame.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from carom.audit.data import Run
 from carom.audit.loads import of_loads, pulled_from, remembered
 from carom.audit.reactions import LARGEST
 from carom.audit.report import Tally
-from carom.audit.vectors import cross, exponential, product, rotated, unit
+from carom.audit.vectors import add_at, cross, exponential, product, rotated, unit
 
 Places = tuple[F64, F64]
 """Centres (A, N, 3) and orientations (A, N, 4)."""
@@ -48,6 +49,7 @@ class Answers:
 
     def __init__(self, block: Block) -> None:
         run, n = block.run, block.run.bodies
+        self.block = block
         self.inertia = np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1)
         self.groups: list[Group] = []
         #: (N,) the group of each body, -1 for those that nothing holds.
@@ -67,15 +69,21 @@ class Answers:
             unsure[_repeated(block, self.groups[-1])] = True
             self.unsure[np.ix_(active[unsure], bodies)] = True
 
-    def of(self, at: I64, momenta: F64) -> tuple[I64, F64]:
+    def of(self, at: I64, momenta: F64, *, free: bool = False) -> tuple[I64, F64]:
         """The bodies that momenta (M, 6) move, and their velocities. They are given at `at`: interval times N plus body,
-        each once.
+        each once; `free`, where joints and loads answer nothing.
         """
         n = len(self.inertia)
         k, body = np.divmod(at, n)
-        free = self.group_of[body] < 0
-        where, found = [at[free]], [momenta[free] / self.inertia[body[free]]]
-        for number, group in enumerate(self.groups):
+        alone = (self.group_of[body] < 0) | free
+        alone &= self.block.run.clump_of[body] < 0
+        where, found = [at[alone]], [momenta[alone] / self.inertia[body[alone]]]
+        mine = np.flatnonzero(self.block.run.clump_of[body] >= 0)
+        if mine.size:
+            whole, moved = self._of_clumps(k[mine], body[mine], momenta[mine])
+            where.append(whole)
+            found.append(moved)
+        for number, group in enumerate([] if free else self.groups):
             mine = np.flatnonzero(self.group_of[body] == number)
             if not mine.size:
                 continue
@@ -87,6 +95,22 @@ class Answers:
             where.append((which[:, None] * n + group.bodies).ravel())
             found.append(moved.reshape(-1, 6))
         return np.concatenate(where), np.concatenate(found)
+
+    def _of_clumps(self, k: I64, body: I64, momenta: F64) -> tuple[I64, F64]:
+        """The same of momenta (M, 6) that are given to balls of clumps: it moves all balls of these."""
+        run, all_of = self.block.run, self.block.run.rigid
+        many = len(run.clumps)
+        keys, row = np.unique(k * many + run.clump_of[body], return_inverse=True)
+        which, number = np.divmod(keys, many)
+        q = self.block.c1[which, number, 3:7]
+        given = np.zeros((len(keys), 6))
+        arm = rotated(q[row], all_of.offsets[body])
+        add_at(given, (row,), np.hstack([momenta[:, :3], momenta[:, 3:] + cross(arm, momenta[:, :3])]))
+        along, spin = given[:, :3] / all_of.mass[number, None], all_of.turning(number, q, given[:, 3:])
+        each, balls = all_of.balls_of(number)
+        lever = rotated(q[each], all_of.offsets[balls])
+        moved = np.hstack([along[each] + cross(spin[each], lever), spin[each]])
+        return which[each] * run.bodies + balls, moved
 
 
 @once

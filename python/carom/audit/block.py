@@ -91,6 +91,9 @@ class Block:
         x, v, w, q = run.state(rows)
         self.x0, self.v0, self.w0, self.q0 = x[:-1], v[:-1], w[:-1], q[:-1]
         self.x1, self.v1, self.w1, self.q1 = x[1:], v[1:], w[1:], q[1:]
+        of_clumps = run.motion_of_clumps(rows)
+        self.c0, self.c1 = of_clumps[:-1], of_clumps[1:]
+        """(B, C, 13) the motion of clumps."""
         self.t0, self.t1 = run.time[rows][:-1], run.time[rows][1:]
         self.s0, self.s1 = run.step[rows][:-1], run.step[rows][1:]
         self.n = self.s1 - self.s0
@@ -153,6 +156,11 @@ class Block:
         k, body = divmod(flat, self.run.bodies)
         return self.place(k, body)
 
+    def per_clump(self, flat: int) -> Place:
+        """The place of an entry of a (B, C) array."""
+        k, clump = divmod(flat, len(self.run.clumps))
+        return self.place(k, self.run.clumps[clump].first)
+
     @cached_property
     def kept(self) -> Bool:
         """(B,) whether the impulses of contacts and joints of the interval are whole: the last frame of a run that did not
@@ -214,14 +222,14 @@ class Block:
     @cached_property
     def piled(self) -> Bool:
         """(B,) intervals in which an island may have been solved as a pile at the position level, where all pairs that are
-        looked at count.
+        looked at count; none with clumps.
         """
-        return np.asarray(self.over(self.run.steps["candidates"]) > self.least)
+        return np.asarray(self.over(self.run.steps["candidates"]) > self.least) & (not self.run.clumps)
 
     @cached_property
     def cascaded(self) -> Bool:
         """(B,) the same at the velocity level, where the closed contacts count, which the steps record."""
-        return np.asarray(self.over(self.run.steps["largest_island"]) > self.least)
+        return np.asarray(self.over(self.run.steps["largest_island"]) > self.least) & (not self.run.clumps)
 
     @property
     def summed(self) -> Bool:
@@ -291,4 +299,5 @@ class Block:
         run, t = self.run, self.run.loosest
         least = t["tolerance_floor"]
         share = np.where(self.large, max(least, t["touching_tolerance"]), least)
-        return np.asarray(share * (run.mass * run.radius).max())
+        sizes = [run.heavy * run.radius, np.array([clump.mass * clump.reach for clump in run.clumps])]
+        return np.asarray(share * np.concatenate(sizes).max())

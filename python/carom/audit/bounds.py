@@ -61,8 +61,9 @@ def floor(block: Block, speed: F64) -> F64:
     """(B,) what it may leave however small the impulses are, N s, for largest speeds of a body: more in halves of a step."""
     run, t = block.run, block.run.loosest
     h = run.h / 2.0 ** np.minimum(block.over(run.steps["halvings"]), 8.0)
-    least = t["touching_tolerance"] * run.radius.max() / h + t["tolerance_floor"] * speed
-    return np.asarray(least * run.mass.max())
+    longest = max([float(run.radius.max()), *(clump.reach for clump in run.clumps)])
+    least = t["touching_tolerance"] * longest / h + t["tolerance_floor"] * speed
+    return np.asarray(least * run.heavy.max())
 
 
 def misfit(z: F64, push: F64, own: F64) -> F64:

@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from carom.audit import rigid
 from carom.audit.data import Run
 from carom.audit.formula import law
 from carom.audit.references import at
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, dot, norm
+from carom.audit.vectors import EPS
 from carom.scene.assembly.arrays import identify
 
 Claim = tuple[str, Any, Any, float]
@@ -181,8 +182,8 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
     if not isinstance(first, float | int) or len(run.result.events) or int(run.step[0]) != 0:
         return
     x, v, w = (of[0] for of in run.state(slice(0, 1))[:3])
-    motion = 0.5 * (run.mass * norm(v) ** 2 + run.inertia * norm(w) ** 2)
-    height = run.mass * dot(x, run.falls)
+    rows = run.motion_of_clumps(slice(0, 1))[0]
+    motion, height = rigid.kinetic(run, v, w, rows), rigid.weight(run, x, rows)
     if not run.loads and run.method != "penalty":  # whose springs and contacts have a potential, too
         shown, size = motion.sum() - height.sum(), (motion + np.abs(height)).sum()
         yield "energy.initial", shown, 64.0 * EPS * run.bodies * size / max(abs(shown), 1e-300)
@@ -195,7 +196,11 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
     for body, wall in enumerate(run.free_walls, run.balls):  # these have their force besides, along one line
         force = float(law(wall.force, np.zeros(1))[0][0])
         pulls[body] = abs(wall.mass * float(wall.fall(run.gravity) @ wall.normal) + force)
-    floor = float((pulls * run.radius).sum())
+    lengths = run.radius.copy()
+    for clump in run.clumps:
+        pulls[clump.balls], pulls[clump.first] = 0.0, clump.mass * np.linalg.norm(run.gravity)
+        lengths[clump.first] = clump.reach
+    floor = float((pulls * lengths).sum())
     scale = np.maximum(np.maximum.accumulate(s["energy_kinetic"]), motion.sum()) + floor
     yield "energy.max_rise_relative", largest / max(scale[-1], 1e-300), rounding + 1e-12
     # A rise that is at the bound may count or not: scales are sums of another order.

@@ -3,11 +3,13 @@
     0 <= z_N, P_N >= 0, P_N z_N = 0,   P_T = the nearest in the disc of radius mu P_N to P_T - z_T/D_TT,   z = G v_n + W P
 
 over the contacts of a group, by sweeps and Newton's method on dense matrices. Of a group with more than `MOST` contacts,
-with rolling or spinning bounds, with joints or dampers, whose solution was not found or is not one, nothing is known.
+with rolling or spinning bounds, with joints, dampers or clumps, and of one whose solution was not found or is not one,
+nothing is known.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +24,9 @@ MOST = 60
 ROUNDS, SWEEPS, SOLVED = 60, 5, 1e-13
 #: How much of a residual the solution may hold of before it counts as one of many.
 UNIQUE = 1e7
+
+
+Causes = Iterable[tuple[Bool, str]]
 
 
 class Compression(NamedTuple):
@@ -40,9 +45,11 @@ class Compression(NamedTuple):
 
 
 def of_rows(
-    run: Run, r: Hits, group: I64, lever: F64, motion: tuple[F64, F64], mu: F64, held: Bool
+    run: Run, r: Hits, group: I64, lever: F64, motion: tuple[F64, F64], mu: F64, causes: Causes
 ) -> Compression:
-    """`lever` (K, 3) of the rows, `motion` their normal and slip velocities before the step; `held` by joints or dampers."""
+    """`lever` (K, 3) of the rows, `motion` their normal and slip velocities before the step; `causes` why nothing is
+    known of groups with some rows (K,).
+    """
     many, index = len(run.names), run.law_index(r.a, r.b)
     _, first, contact = np.unique((r.k * many + r.a) * many + r.b, return_index=True, return_inverse=True)
     turns = run.coefficient("rolling_radius", index) + run.coefficient("spinning_radius", index) > 0.0
@@ -51,12 +58,12 @@ def of_rows(
     unknown = np.full(len(r), "", dtype=object)
     for g in np.unique(group[r.problem > 0]):
         rows = first[group[first] == g]
-        causes = (
-            (len(rows) > MOST, f"groups of more than {MOST} contacts"),
-            (turns[rows].any(), "groups with rolling or spinning bounds"),
-            (held[rows].any(), "groups with joints or dampers"),
+        mine = (
+            (np.array(len(rows) > MOST), f"groups of more than {MOST} contacts"),
+            (turns[rows], "groups with rolling or spinning bounds"),
+            *((given[rows], cause) for given, cause in causes),
         )
-        unknown[rows] = next((cause for so, cause in causes if so), "")
+        unknown[rows] = next((cause for so, cause in mine if so.any()), "")
         if unknown[rows[0]]:
             continue
         ways, gradient, inverse = _rows(run, r.of(rows), lever[rows])

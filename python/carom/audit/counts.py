@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array
-from carom.audit import groups
+from carom.audit import flights, groups
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.hits import components
@@ -162,6 +162,8 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     if run.method != "nsga":
         return
     fall = block.x0 + run.h * block.v0 + 0.5 * run.h**2 * run.falls
+    if run.clumps:
+        fall = np.where(run.in_clump[:, None], flights.of_block(block).x, fall)
     a, b, k, ball = near.a, near.b, near.k, np.minimum(near.b, n - 1)
     gap, _ = run.meet(block.t1[k], a, b, fall[k, a], fall[k, ball])
     length = np.minimum(run.radius[a], run.length[np.minimum(b, n)])

@@ -17,13 +17,13 @@ import numpy as np
 
 from carom import _core
 from carom.arrays import F64, I64, Array, Bool
-from carom.audit import guided
+from carom.audit import guided, rigid
 from carom.audit.formula import law
 from carom.audit.meshes import Parts
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import norm
-from carom.result.record import Segments
+from carom.result.record import Segments, clumps
 from carom.result.record.walls import tables
 from carom.result.tables import Table
 from carom.run.result import Result, UnfinishedRun, load
@@ -89,6 +89,20 @@ class Run:
         self.radius: F64 = np.append(of_balls[0], np.full(free, smallest))
         self.mass: F64 = np.append(of_balls[1], [wall.mass for wall in self.free_walls])
         self.inertia: F64 = np.append(of_balls[2], np.full(free, guided.HELD))
+        #: Rigid bodies of balls, which are bodies themselves.
+        self.clumps = rigid.of_model(self.model)
+        self.rigid = rigid.together(self.clumps, len(self.mass))
+        #: (N,) the clump of each body, -1 where there is none.
+        self.clump_of: I64 = np.full(len(self.mass), -1)
+        #: Masses of bodies, of balls of clumps those of the whole clumps, kg: what they may press with.
+        self.heavy: F64 = self.mass.copy()
+        #: Mass of all bodies together, kg.
+        self.whole_mass = float(self.mass.sum())
+        for number, clump in enumerate(self.clumps):
+            self.clump_of[clump.balls] = number
+            self.whole_mass += clump.mass - float(self.mass[clump.balls].sum())
+            self.heavy[clump.balls] = clump.mass
+        self.mass, self.inertia = rigid.lightest(self.clumps, self.radius, self.mass, self.inertia)
         #: Levers of bodies, and of walls at last, m: none at walls.
         self.reach: F64 = np.concatenate([of_balls[0], np.zeros(free + 1)])
         #: Lengths that gaps of bodies, and of walls at last, are compared with, m: walls have none of their own.
@@ -113,6 +127,9 @@ class Run:
             for first in range(0, len(table) if self.parts.meshes else 0, 1_000_000):
                 self.pairs(table, first, first + 1_000_000)  # parts have the planes that the run names
         self.wall_tables = tables(scene.wall_names, self.model)
+        self.clump_table: dict[str, Any] = clumps.table(scene.clumps, self.model).get("clumps", {})
+        if self.clumps:
+            _ = result.clumps  # which refuses tables that do not fit
         self.joints: list[Any] = list(self.model.get("joints", ()))
         #: Whether some pairs attract each other.
         self.cohesive = bool(np.any(np.asarray(self.model.get("cohesion", 0.0)) > 0.0))
@@ -146,6 +163,17 @@ class Run:
         of_walls = along[..., :1] * normal, along[..., 1:] * normal, still, upright
         x, v, w, q = (np.concatenate(both, axis=1) for both in zip((x, v, w, q), of_walls, strict=True))
         return x, v, w, q
+
+    def motion_of_clumps(self, rows: slice) -> F64:
+        """(T, C, 13) centres, principal axes, velocities and angular velocities of the clumps at some frames."""
+        if not self.clumps:
+            return np.zeros((len(self.time[rows]), 0, 13))
+        return np.asarray(self.result._segments.column("frames", "clumps")[rows])
+
+    @property
+    def in_clump(self) -> Bool:
+        """(N,) which bodies are balls of clumps."""
+        return self.clump_of >= 0
 
     def present(self, rows: slice) -> Bool:
         """(T, N) which bodies are there at some frames."""
@@ -368,12 +396,17 @@ class Run:
         for a, b in links:
             if a >= 0 and b >= 0:
                 found[found == found[b]] = found[a]
+        for clump in self.clumps:
+            found[clump.balls] = clump.first
         return found
 
     @cached_property
     def held_apart(self) -> HeldApart:
-        """Pairs of balls that joints keep from meeting."""
-        return held_apart(self.joints, self.radius[: self.balls])
+        """Pairs of balls that joints, or a clump of both, keep from meeting."""
+        found = held_apart(self.joints, self.radius[: self.balls])
+        for clump in self.clumps:
+            found.clump[clump.balls] = clump.first
+        return found
 
     @cached_property
     def jointed(self) -> Bool:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, cohesion, groups, reactions
+from carom.audit import answers, cohesion, flights, groups, reactions, rigid
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
@@ -43,14 +43,14 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
 
 def scale(block: Block) -> F64:
     """(B,) sum of the absolute energies of all bodies at the second frame, J: what roundings are relative to."""
-    return np.asarray(np.nansum(_sizes(block.run, block.x1, block.v1, block.w1), axis=1))
+    return np.asarray(np.nansum(rigid.sizes(block.run, block.x1, block.v1, block.w1, block.c1), axis=1))
 
 
 def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
     """Potential energy at the second frame, (B,), J, and the rounding of that of springs; None where no frame tells it."""
     run, rounding = block.run, np.zeros(block.count)
     present = run.present(slice(block.first, block.first + block.count))
-    found = -np.where(present, run.mass * dot(np.nan_to_num(block.x1), run.falls), 0.0).sum(axis=1)
+    found = -np.where(present, rigid.weight(run, np.nan_to_num(block.x1), block.c1), 0.0).sum(axis=1)
     if run.method == "penalty":
         if run.options["penalty_friction"] == "spring":
             return None
@@ -130,11 +130,13 @@ def _balance(block: Block, tally: Tally) -> None:
         total = total + np.bincount(mine, of_rows, minlength=bodies)
         return np.asarray(total, dtype=np.float64).reshape(label.shape)
 
-    def energy(v: F64, w: F64) -> F64:
-        return np.asarray(0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)))
-
-    change = energy(block.v1, block.w1) - energy(block.v0, block.w0)
-    change = change - run.mass * dot(block.x1 - block.x0, run.falls)
+    motion = [
+        rigid.kinetic(run, *of) for of in ((block.v0, block.w0, block.c0), (block.v1, block.w1, block.c1))
+    ]
+    change = motion[1] - motion[0]
+    change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
+    turned, turned_slack = flights.energy_of_turning(block)
+    change = change - turned
     for load in run.loads:
         if load["kind"] == "spring":
             ends = [_spring(load, x, q)[0] for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
@@ -160,19 +162,18 @@ def _balance(block: Block, tally: Tally) -> None:
         gained = np.where(block.there, run.mass * dot(block.v1 - block.v0, run.falls), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     attracted, unsure = _attracted(block)
-    total = total - attracted
+    total = total - attracted - turned.sum(axis=1)
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, at = norm(c.impulse), together(block, speeds(block))
     moved = norm(c.position_impulse) * norm(run.gravity)
     # Impulses that fall within the interval and cancel are not in its sums: the steps know how fast all were.
     solved = 4.0 * block.tolerance[c.k] * (impulse * at + moved + np.abs(c.work).sum(axis=1))
-    size = np.maximum(
-        *(_sizes(run, *ends) for ends in ((block.x0, block.v0, block.w0), (block.x1, block.v1, block.w1)))
-    )
+    states = (block.x0, block.v0, block.w0, block.c0), (block.x1, block.v1, block.w1, block.c1)
+    size = np.maximum(*(rigid.sizes(run, *state) for state in states))
     top = summed(size, np.abs(c.work).sum(axis=1))
     top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
-    bound = summed(_forced(block), solved + off + _walls(block))
+    bound = summed(_forced(block) + turned_slack, solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top + unsure[:, None]
     # Groups on record may have been solved together, and what that leaves is in the size of all of them.
     squares = (
@@ -249,12 +250,6 @@ def _once_step(block: Block) -> F64:
     return np.where(run.loads_once & ~block.single, run.h, 0.0)
 
 
-def _sizes(run: Run, x: F64, v: F64, w: F64) -> F64:
-    """(B, N) sums of the absolute energies of each body, J."""
-    height = dot(np.abs(x), np.abs(run.falls))
-    return np.asarray(run.mass * (dot(v, v) + height) + run.inertia * dot(w, w))
-
-
 def _forced(block: Block) -> F64:
     """(B, N) by how much the work of forces and torques in time may differ from that of their impulses, J: their work is
     recorded by the velocities at the ends of steps, contacts change these, and the filter of the scheme delays the force.
@@ -278,8 +273,8 @@ def _at_start(run: Run) -> tuple[float, float]:
     """Kinetic energy, and that of the weight and of springs, at the first frame of the run, J."""
     x, v, w, q = (of[0] for of in run.state(slice(0, 1)))
     here = run.present(slice(0, 1))[0]
-    motion = 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w))
-    height = -run.mass * dot(np.nan_to_num(x), run.falls)
+    rows = run.motion_of_clumps(slice(0, 1))[0]
+    motion, height = rigid.kinetic(run, v, w, rows), -rigid.weight(run, np.nan_to_num(x), rows)
     springs = sum(
         float(_spring(load, x[None], q[None])[0][0]) for load in run.loads if load["kind"] == "spring"
     )
@@ -310,8 +305,8 @@ def rises(run: Run, tally: Tally) -> None:
     """No step may gain energy beyond the work of loads and walls and what bodies bring or take.
 
     Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding; in steps with islands of more
-    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat, the position
-    correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
+    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat or move, the
+    position correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
     `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10);
     of the force on a free wall that times the way of the wall. Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a free wall, times
     all impulses that loads and motion can give, for it moves bodies by the mean of velocities. Penalty: what its integration
@@ -329,15 +324,16 @@ def rises(run: Run, tally: Tally) -> None:
     before = np.array(_at_start(run) if known else (kinetic[0], potential[0] - (gained - s["energy_out"])[0]))
     kinetic, potential = np.append(before[0], kinetic), np.append(before[1], potential)
     rise = np.diff(kinetic + potential) - (gained - s["energy_out"])
-    g, weight = float(norm(run.gravity)), float(run.mass.sum() * norm(run.gravity))
+    g, weight = float(norm(run.gravity)), float(run.whole_mass * norm(run.gravity))
     motion = np.maximum(kinetic[1:], kinetic[:-1])
-    top = np.maximum.accumulate(motion) + weight * run.radius.max()
+    longest = max([float(run.radius.max()), *(clump.reach for clump in run.clumps)])
+    top = np.maximum.accumulate(motion) + weight * longest
     bound = 1e-12 * top + 16.0 * EPS * np.maximum(np.abs(potential[1:]), np.abs(potential[:-1]))
     large = s["candidates"] > run.small
     bound = bound + np.where(large, RISE_PILE * (h / 1e-3) ** 2 * top, 0.0)
-    round_walls = any(not wall.flat or wall.rotation is not None for wall in run.walls)
+    round_walls = any(not wall.flat or wall.moves for wall in run.walls)
     if run.bodies > 1 or round_walls:
-        bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.mass.sum()), 0.0)
+        bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.whole_mass), 0.0)
     forces = [np.abs(law(wall.force, s["time"])[0]) for wall in run.free_walls]
     for force, wall in zip(forces, run.free_walls, strict=True):
         way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
@@ -345,12 +341,12 @@ def rises(run: Run, tally: Tally) -> None:
     if run.method == "moreau":
         of_walls = (force / wall.mass for force, wall in zip(forces, run.free_walls, strict=True))
         pull = np.max([np.full(len(motion), g), *of_walls], axis=0)
-        given = 2.0 * np.sqrt(2.0 * motion * run.mass.sum()) + (weight + sum(forces)) * h
+        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(forces)) * h
         bound = bound + 0.5 * h * pull * given
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
-    bound = bound + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
+    bound = bound + flights.risen(run, motion) + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()

@@ -103,6 +103,12 @@ def of_contacts(block: Block) -> Sums:
         turned_by = first, second
         shifted_by = (moment(arm, c.position_moment),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
+
+    def together_in_clumps(of_bodies: F64) -> F64:
+        for clump in run.clumps:  # an impulse on one ball moves all
+            of_bodies[:, clump.balls] = of_bodies[:, clump.balls].sum(axis=1, keepdims=True)
+        return of_bodies
+
     ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]
     couple = norm(c.moment)
     return Sums(
@@ -112,11 +118,11 @@ def of_contacts(block: Block) -> Sums:
         moment_size=collect(ra * size + couple, rb * size + couple),
         turned=collect(ra * (size + slide) * spread, rb * (size + slide) * spread),
         shift=shift,
-        shift_size=collect(norm(pushed), norm(pushed)),
+        shift_size=together_in_clumps(collect(norm(pushed), norm(pushed))),
         shift_moments=shifted_by,
         shift_turned=collect(ra * unknown, rb * unknown),
         shift_again=collect(ra * again, rb * again),
-        count=collect(np.ones(len(c)), np.ones(len(c))),
+        count=together_in_clumps(collect(np.ones(len(c)), np.ones(len(c)))),
     )
 
 
@@ -136,8 +142,21 @@ def speeds(block: Block) -> F64:
     its recorded impulses together.
     """
     run = block.run
-    ends = np.maximum(norm(block.v0), norm(block.v1))
-    return np.asarray(ends + norm(run.gravity) * block.dt[:, None] + pushes(block)[0] / run.mass)
+    return np.asarray(fastest(block) + norm(run.gravity) * block.dt[:, None] + pushes(block)[0] / run.mass)
+
+
+@once
+def fastest(block: Block) -> F64:
+    """(B, N) speed of each body at either end of an interval, m/s, the larger one: of balls of clumps that which they may
+    have within, as the clump turns.
+    """
+    found = np.maximum(norm(block.v0), norm(block.v1))
+    for number, clump in enumerate(block.run.clumps):
+        ends = [rows[:, number] for rows in (block.c0, block.c1)]
+        spin = np.max([norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in ends], axis=0)
+        along = np.max([norm(row[:, 7:10]) for row in ends], axis=0)
+        found[:, clump.balls] = along[:, None] + spin[:, None] / clump.inertia.min() * norm(clump.offsets)
+    return np.asarray(found)
 
 
 @once
@@ -184,6 +203,11 @@ def _sizes(block: Block, c: Rows | hits.Hits, impulse: F64, moment: F64) -> tupl
         k, b = c.k[ball], c.b[ball]
         add_at(pushed, (k, b), size[ball])
         add_at(turned, (k, b), couple[ball] + run.radius[b] * size[ball])
+        for clump in run.clumps:  # an impulse on one ball moves all
+            mine, r = clump.balls, run.radius[clump.balls]
+            whole = pushed[:, mine].sum(axis=1, keepdims=True)
+            couples = (turned[:, mine] - r * pushed[:, mine]).sum(axis=1, keepdims=True)
+            pushed[:, mine], turned[:, mine] = whole, couples + r * whole
     return pushed, turned
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, cohesion, forces, loads_once
+from carom.audit import answers, cohesion, flights, forces, hits, loads_once
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
@@ -159,6 +159,10 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     ):  # what the solver may leave of impulses is not known, but of what the bodies lost
         change = norm(block.v1 - block.v0 - run.falls * block.dt[:, None, None])
         left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
+        if run.has_impacts:  # whose impulses may cancel in a jam
+            r = hits.of_block(block)
+            struck = np.sqrt(np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count))
+            left = np.maximum(left, 16.0 * (block.tolerance * struck)[k] * compliance(run, a, b)[0])
         if run.free_walls:  # of which one may be far heavier than the balls that it presses
             pushed = run.mass[:, None] * (block.v1 - block.v0 - run.falls * block.dt[:, None, None])
             pushed = norm(pushed - of_loads(block).impulse[..., :3])
@@ -196,6 +200,7 @@ def _load(block: Block) -> F64:
     """(B, N) speed that weight and other loads give each body in a step, m/s."""
     run = block.run
     weight = np.full((block.count, run.bodies), float(norm(run.gravity)) * run.h)
+    weight += flights.speeds_of_turning(block)
     if not run.loads and not run.joints:
         return weight
     given = of_loads(block)

@@ -32,6 +32,8 @@ def labels(block: Block) -> I64:
         ends = [int(load[key]) for key in ("a", "b", "body") if int(load.get(key, -1)) >= 0]
         pairs += [(ends[0], ends[-1])] if ends else []
         outer[ends or slice(0, n)] |= load["kind"] != "spring" or load["damping"] > 0.0
+    for clump in run.clumps:
+        pairs += [(clump.first, int(ball)) for ball in clump.balls[1:]]
     k, a, b = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     tables: list[Rows | hits.Hits] = [block.rows] if run.has_contacts else []
     for table in [*tables, *([hits.of_block(block)] if run.has_impacts else [])]:
@@ -74,12 +76,13 @@ def struck(block: Block) -> Bool:
 
 
 def linked(run: Run) -> I64:
-    """(N,) a body for each, the same for all that joints and loads between two link."""
+    """(N,) a body for each, the same for all that joints, loads between two, and clumps link."""
     links = [
         (one["a"], one["b"])
         for one in (*run.joints, *run.loads)
         if min(one.get("a", -1), one.get("b", -1)) >= 0
     ]
+    links += [(clump.first, ball) for clump in run.clumps for ball in clump.balls]
     return components(run.bodies, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
 
 

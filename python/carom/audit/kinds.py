@@ -55,6 +55,7 @@ _KINDS = (
         "N m s",
         f"{_ROUNDING}; over several steps the turn of the normals",
     ),
+    Kind("rigid", "balls of a clump are where it has them and move with it", "relative", _ROUNDING),
     Kind(
         "penetration",
         "no two bodies overlap",

@@ -415,7 +415,7 @@ def solved_again(block: Block) -> F64:
     )
     way = together(block, moved)
     turned = np.minimum(way * curvature(block), 1.0)
-    momenta = run.mass * (fast + run.h * norm(run.gravity)) + pulled
+    momenta = run.heavy * (fast + run.h * norm(run.gravity)) + pulled
     each = turned * together(block, momenta)
     if run.free_walls:  # what a heavy wall brings goes on from ball to ball
         walls = slice(run.balls, None)
@@ -424,7 +424,7 @@ def solved_again(block: Block) -> F64:
     for k in np.unique(c.b[c.b >= run.bodies]):
         rows = np.flatnonzero(c.b == k)
         turning = run.walls[k - run.bodies].turning(block.t1[c.k[rows]])
-        each[rows] += turning * way[rows] * run.mass[c.a[rows]]
+        each[rows] += turning * way[rows] * run.heavy[c.a[rows]]
     again = np.nan_to_num(of_loads(block).alone_slack)
     changed = (again[..., 0] + again[..., 1] / run.radius).sum(axis=1)
     return np.asarray(run.h * (changed + np.bincount(c.k, np.nan_to_num(each), minlength=block.count)))

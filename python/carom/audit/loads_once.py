@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import groups, hits
+from carom.audit import flights, groups, hits
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.formula import law
@@ -182,11 +182,14 @@ def _of_step(block: Block) -> tuple[F64, Bool]:
 
 
 def holds_gap(block: Block, shift: F64) -> Bool:
-    """(K,) whether positions were corrected along the normal of a contact: part of what moved its bodies surely is."""
+    """(K,) whether positions were corrected along the normal of a contact: part of what moved its bodies surely is. A normal
+    that turned since the loads lends it part of theirs.
+    """
     c = block.rows
     first, then = solved_at(block, shift)
-    normal, size = dot(c.position_impulse, unit(first + then)), norm(c.position_impulse)
-    return np.asarray(normal > SURELY * size + (block.left(size) + block.floor)[c.k])
+    middle, size = unit(first + then), norm(c.position_impulse)
+    normal, turned = dot(c.position_impulse, middle), norm(middle - c.normal)
+    return np.asarray(normal > (SURELY + turned) * size + (block.left(size) + block.floor)[c.k])
 
 
 def unknown_across(block: Block, shift: F64) -> F64:
@@ -195,7 +198,7 @@ def unknown_across(block: Block, shift: F64) -> F64:
     """
     c, run = block.rows, block.run
     first, then = solved_at(block, shift)
-    by_loads = norm(c.impulse) + run.mass[c.a] * (
+    by_loads = norm(c.impulse) + run.heavy[c.a] * (
         norm(run.gravity) * run.h + norm(block.v1 - block.v0)[c.k, c.a]
     )
     by_loads = by_loads + _through(block)[c.k]
@@ -214,8 +217,12 @@ def _through(block: Block) -> F64:
 
 
 def solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
-    """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved."""
+    """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved, a
+    clump since its free flight.
+    """
     c, run = block.rows, block.run
     x, other = block.x1 - shift / run.mass[:, None], np.minimum(c.b, run.bodies - 1)
+    if run.clumps:
+        x = np.where(run.in_clump[:, None], flights.of_block(block).x, x)
     _, then = run.meet(block.t1[c.k], c.a, c.b, x[c.k, c.a], x[c.k, other])
     return first_normals(run, c.a, c.b, block.start[1], then), then

@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, forces
+from carom.audit import answers, forces, rigid
 from carom.audit.block import Block
 from carom.audit.cohesion import pulls
 from carom.audit.cones import PARTS
@@ -33,7 +33,6 @@ from carom.audit.vectors import (
     add_at,
     conjugate,
     cross,
-    dot,
     exponential,
     norm,
     product,
@@ -75,6 +74,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         tally.skip("momentum", f"the Python load {run.opaque[0]} is in no file", cure, len(hidden))
     else:
         block.skip(tally, "momentum", "cohesion, springs and drag: " + PARTS, hidden)
+    known = known & ~run.in_clump  # whose clumps have the momenta (`clumps`)
     _momentum(block, tally, sums, loads, known)
     # A contact whose multiplier vanishes within the tolerance is not on record; what it left of a correction is.
     touched = (sums.count > 0) | (~free & (sums.count > 0).any(axis=1, keepdims=True))
@@ -109,7 +109,7 @@ def _untouched(block: Block, free: Bool) -> Bool:
     return found
 
 
-def _rounding(block: Block) -> F64:
+def rounding(block: Block) -> F64:
     """(B, N) roundings that may have gathered: a few for every step, or substep; and of piles those of every sweep, which
     adds the change of each contact and what goes on of the last one, of three contacts a ball or more.
     """
@@ -126,7 +126,7 @@ def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: 
     )
 
 
-def _largest(block: Block) -> F64:
+def largest(block: Block) -> F64:
     """(B, 1) largest impulse of a contact in each interval, N s: sums and cancellations in sweeps have its rounding."""
     found = np.zeros(block.count)
     np.maximum.at(found, block.rows.k, norm(block.rows.impulse))
@@ -140,8 +140,8 @@ def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) ->
     given = loads.impulse[..., :3]
     value = norm(m * (block.v1 - block.v0) - weight - given - s.impulse)
     size = m[:, 0] * (norm(block.v0) + norm(block.v1)) + norm(weight) + norm(given) + s.size
-    size = size + _largest(block)
-    _take(block, tally, "momentum", value, _rounding(block) * size + loads.slack[..., 0], known)
+    size = size + largest(block)
+    _take(block, tally, "momentum", value, rounding(block) * size + loads.slack[..., 0], known)
 
 
 def _recorded_on_walls(block: Block) -> F64 | None:
@@ -171,7 +171,7 @@ def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) ->
         weight = m * float(run.falls[body] @ wall.normal) * block.dt
         value = np.abs(m * (speeds[1] - speeds[0]) - weight - of_load - of_contacts)
         size = m * (np.abs(speeds[0]) + np.abs(speeds[1])) + np.abs(weight) + loads.spread[:, body, 0]
-        bound = _rounding(block)[:, body] * (size + norm(given[:, w, :3])) + loads.slack[:, body, 0]
+        bound = rounding(block)[:, body] * (size + norm(given[:, w, :3])) + loads.slack[:, body, 0]
         rows = np.flatnonzero(judged[:, w])
         tally.measure("momentum", value[rows], bound[rows], _places(block, rows, body))
     return judged
@@ -186,8 +186,8 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touche
     size = inertia[:, 0] * (norm(block.w0) + norm(block.w1)) + norm(given) + s.moment_size
     # Moments that cancel in the sweeps over a contact were as large as those of the weight.
     size = size + np.where(touched, run.radius * run.mass * norm(run.gravity), 0.0) * block.dt[:, None]
-    size = size + np.where(touched, run.radius * _largest(block), 0.0)
-    bound = _rounding(block) * size + loads.slack[..., 1] + s.turned
+    size = size + np.where(touched, run.radius * largest(block), 0.0)
+    bound = rounding(block) * size + loads.slack[..., 1] + s.turned
     _take(block, tally, "spin", value, bound, known)
 
 
@@ -211,7 +211,7 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
     size[:, run.balls :] += norm(smooth[:, run.balls :])  # what starts from rest has no other
     given = (norm(loads.impulse[..., :3]) + loads.spread[..., 0]) / run.mass * block.dt[:, None]
     known = single[:, None] | ((np.arange(run.bodies) >= run.balls) & ~block.cut[:, None])
-    bound = _rounding(block) * size + loads.shift_slack[..., 0] + np.where(known, 0.0, given)
+    bound = rounding(block) * size + loads.shift_slack[..., 0] + np.where(known, 0.0, given)
     if run.method == "penalty":  # it has no position level
         c = block.rows
         tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
@@ -238,7 +238,7 @@ def _rotation(block: Block, s: Sums, loads: Loads, touched: Bool) -> tuple[list[
     found = [
         rotation_vector(product(conjugate(exponential(psi + m / inertia)), turned)) for m in s.shift_moments
     ]
-    bound = _rounding(block) * (4.0 + norm(dt * block.w0)) + loads.shift_slack[..., 1]
+    bound = rounding(block) * (4.0 + norm(dt * block.w0)) + loads.shift_slack[..., 1]
     bound = bound + (s.shift_turned + s.shift_again * solved_again(block)[:, None]) / inertia[:, 0]
     bound = bound + np.where(
         single[:, None],
@@ -357,7 +357,12 @@ def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
     tally.skip(
         "wall impulse", "momentum as a whole: bodies come and go, or loads act", RECORD, int((~judged).sum())
     )
-    mass, (v0, v1) = run.mass[: run.balls], (v[:, : run.balls] for v in (block.v0, block.v1))
+    alone, of = np.flatnonzero(~run.in_clump[: run.balls]), [clump.mass for clump in run.clumps]
+    mass = np.append(run.mass[alone], of)
+    v0, v1 = (
+        np.concatenate([v[:, alone], rows[..., 7:10]], axis=1)
+        for v, rows in ((block.v0, block.c0), (block.v1, block.c1))
+    )
     weight = mass.sum() * run.gravity * block.dt[:, None]
     value = norm((mass[:, None] * (v1 - v0)).sum(axis=1) - weight + given[..., :3].sum(axis=1))
     size = (mass * (norm(v0) + norm(v1))).sum(axis=1) + norm(given[..., :3]).sum(axis=1)
@@ -369,7 +374,6 @@ def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
 def kinetic(block: Block) -> tuple[F64, F64]:
     """Kinetic energy at both frames of each interval, (B,), J; of bodies that are there."""
     run = block.run
-    found = []
-    for v, w in ((block.v0, block.w0), (block.v1, block.w1)):
-        found.append(0.5 * np.nansum(run.mass * dot(v, v) + run.inertia * dot(w, w), axis=1))
-    return found[0], found[1]
+    ends = ((block.v0, block.w0, block.c0), (block.v1, block.w1, block.c1))
+    first, second = (np.nansum(rigid.kinetic(run, *end), axis=1) for end in ends)
+    return first, second

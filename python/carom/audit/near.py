@@ -14,6 +14,7 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
+from carom.audit.forces import fastest
 from carom.audit.loads import of_loads
 from carom.audit.rates import compliance
 from carom.audit.vectors import norm
@@ -44,7 +45,7 @@ def near(block: Block) -> Near:
     """All pairs of a block that may have touched."""
     run = block.run
     travelled = norm(block.x1 - block.x0)
-    fast = np.maximum(norm(block.v0), norm(block.v1)) * block.dt[:, None]
+    fast = fastest(block) * block.dt[:, None]
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
     if run.free_walls:  # light ones are pushed farther by their forces than any ball falls
         free_walls = slice(run.balls, None)
@@ -63,6 +64,8 @@ def near(block: Block) -> Near:
     free[k[met], a[met]] = False
     met &= ball
     free[k[met], b[met]] = False
+    for clump in run.clumps:
+        free[:, clump.balls] = free[:, clump.balls].all(axis=1, keepdims=True)
     return Near(k, a, b, gap0, normal0, gap1, normal1, free)
 
 

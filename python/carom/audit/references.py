@@ -51,10 +51,12 @@ def _shapes(run: Run, tally: Tally) -> None:
         ("joint_impulse", len(run.joints)),
         ("walls", len(run.free_walls) + run.given_walls),
         ("free_walls", len(run.free_walls)),
+        ("clumps", len(run.clumps)),
     ):
         if name in columns:
             _count(tally, segments.column("frames", name).shape[1] != wanted, f"/frames/{name}")
-    _count(tally, bool(run.free_walls) and "free_walls" not in columns, "/frames/free_walls")
+    for name, there in (("free_walls", run.free_walls), ("clumps", run.clumps)):
+        _count(tally, bool(there) and name not in columns, f"/frames/{name}")
 
 
 def _frames(run: Run, tally: Tally) -> None:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, bounds, compression, forces, loads_once, works
+from carom.audit import answers, bounds, compression, flights, forces, loads_once, works
 from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
@@ -119,11 +119,15 @@ class Replay:
         self.inertia = np.tile(
             np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1), (block.count, 1)
         )
-        self.answers = answers.of_block(block)
+        self.answers, every = answers.of_block(block), np.arange(block.count)
         self.old, self.now = (
             np.concatenate(ends, axis=-1).reshape(-1, 6)
             for ends in ((block.v0, block.w0), (block.v1, block.w1))
         )
+        # Impact problems have clumps where the step ends: so they have their velocities of its start.
+        self.old[(every[:, None] * run.bodies + np.flatnonzero(run.in_clump)).ravel()] = np.concatenate(
+            flights.turned_on(block), axis=-1
+        )[:, run.in_clump].reshape(-1, 6)
         self.scratch = np.zeros_like(self.now)
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         ball = np.minimum(r.b, run.bodies - 1)
@@ -161,8 +165,9 @@ class Replay:
             ),
         )
         self.compliance = compliance(run, r.a, r.b)
-        #: (B,) largest speed that the weight, or the force on a free wall, gives in a step, m/s.
+        #: (B,) largest speed that the weight, the turn of a clump, or the force on a free wall gives in a step, m/s.
         self.loads_give = np.full(block.count, float(norm(run.gravity)) * run.h)
+        self.loads_give += flights.speeds_of_turning(block).max(axis=1)
         if run.free_walls:
             walls = slice(run.balls, None)
             self.loads_give += (of_loads(block).spread[:, walls, 0] / run.mass[walls]).max(axis=1)
@@ -189,11 +194,15 @@ class Replay:
         self.answering = answering
         self.pressed: compression.Compression | None = None
         if run.impact_law.restitution == "poisson":
-            every, joined = slice(0, len(r)), groups(block, r)
-            before = self._rates(every, (self.old[self.at[0]], self.old[self.at[1]]), old=True)
-            held = answering[r.k]
+            whole, joined = slice(0, len(r)), groups(block, r)
+            before = self._rates(whole, (self.old[self.at[0]], self.old[self.at[1]]), old=True)
+            causes = (
+                (answering[r.k], "groups with joints or dampers"),
+                (np.append(run.in_clump, False)[r.a], "groups with clumps"),
+                (np.append(run.in_clump, False)[np.minimum(r.b, run.bodies)], "groups with clumps"),
+            )
             self.pressed = compression.of_rows(
-                run, r, joined, self.lever, (before.normal, before.slip), self.mu, held
+                run, r, joined, self.lever, (before.normal, before.slip), self.mu, causes
             )
 
     def run_all(self) -> dict[str, Told]:
@@ -319,7 +328,7 @@ class Replay:
         found = self.scratch[where]
         self.scratch[where] = 0.0
         if free:
-            return where, found / self.inertia[where]
+            return self.answers.of(where, found, free=True)
         return self.answers.of(where, found)
 
     def _terms(self, rows: slice | I64, at: I64, change: F64) -> F64:
@@ -461,7 +470,7 @@ class Replay:
         Bound: `bounds.gain` of the kinetic energy of the bodies that the problem moves; and what a residual `rho` (`bounds`)
         can do, which is at most `rho` times the velocities after the problem and those of `2 D_cc` times the impulses.
         """
-        run, r, count = self.block.run, self.r.of(rows), self.block.count
+        block, run, r, count = self.block, self.block.run, self.r.of(rows), self.block.count
         at, change = moved
         if not run.guarded:
             return
@@ -477,6 +486,10 @@ class Replay:
         now = self.now[self.at[0][rows], :3]
         driven = run.mass[r.a] * (before.normal**2 + norm(before.slip) ** 2 + dot(now, now))
         each = 0.5 * np.einsum("ij,ij,ij->i", self.inertia[at], self.now[at], self.now[at])
+        if run.clumps:  # of which each ball has a share
+            mine = np.flatnonzero(run.in_clump[at % run.bodies])
+            share = run.rigid.count[run.clump_of[at[mine] % run.bodies]]
+            each[mine] = flights.energy_of_balls(block, at[mine], self.now[at[mine]]) / share
         kinetic = np.bincount(at // run.bodies, each, minlength=count) + total(np.where(moving, driven, 0.0))
         given = 2.0 * self.compliance[1][rows] * norm(r.impulse)
         fast = np.sqrt(total(after.normal**2 + norm(after.slip) ** 2)) + np.sqrt(total(given**2))
@@ -501,6 +514,9 @@ class Replay:
             of_scale = slice(None) if run.impact_law.restitution == "poisson" else rows
             for of in ends:
                 given_up[of[of_scale][self.r.scale[of_scale] == 0.0]] = True
+            for clump in run.clumps:
+                whole = given_up.reshape(count, -1)
+                whole[:, clump.balls] = whole[:, clump.balls].any(axis=1, keepdims=True)
             asked = ~(given_up[ends[0]] | given_up[ends[1]])
             since = total(self._work_since(rows, motion) * asked[rows])
             since = since - np.bincount(

@@ -32,6 +32,11 @@ def frames(block: Block, tally: Tally) -> None:
     for values in (block.x1, block.v1, block.w1, block.q1):
         wrong = (~np.isfinite(values)).sum(axis=-1) * here
         tally.measure("numbers", wrong, 0.0, block.per_body)
+    if run.clumps:
+        wrong = (~np.isfinite(block.c1)).sum(axis=-1)
+        tally.measure("numbers", wrong, 0.0, block.per_clump)
+        off = np.abs(norm(block.c1[..., 3:7]) - 1.0)
+        tally.measure("quaternion", off, 8.0 * EPS, block.per_clump)
     off = np.abs(norm(block.q1) - 1.0)
     chosen = np.flatnonzero(here)
     # The simulator normalises after every step; what the scenario gives is normalised too.
@@ -81,7 +86,7 @@ def _clock(run: Run, tally: Tally) -> None:
 def _scenario(run: Run, tally: Tally) -> None:
     """Bodies are those of the scenario, and the first frame is its start. Decimals of a file are read to one rounding."""
     for name in ("radius", "mass", "inertia"):
-        wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run, name))[: run.balls]
+        wanted, found = np.asarray(run.model[name]), np.asarray(run.result.bodies[name])
         if wanted.shape != found.shape:
             tally.measure("scenario", [np.inf], 0.0, at(f"/bodies/{name}"))
             return
@@ -89,6 +94,7 @@ def _scenario(run: Run, tally: Tally) -> None:
             "scenario", np.abs(found / wanted - 1.0), 8.0 * EPS, lambda i: Place(who=(run.names[i],))
         )
     _walls(run, tally)
+    _clumps(run, tally)
     world = (("gravity", run.gravity), ("periodic", np.zeros(3) if run.period is None else run.period))
     for name, found in world:
         given = run.model.get(name)
@@ -107,6 +113,18 @@ def _scenario(run: Run, tally: Tally) -> None:
         )
         chosen = np.flatnonzero(present)
         tally.measure("scenario", off[chosen], 8.0 * EPS, _first(run, chosen))
+    if run.clumps:
+        given = np.array([clump.start for clump in run.clumps])
+        lengths = np.array([clump.reach for clump in run.clumps])
+        for part, least in (
+            (slice(0, 3), lengths),
+            (slice(3, 7), 1.0),
+            (slice(7, 10), 0.0),
+            (slice(10, 13), 0.0),
+        ):
+            off = norm(run.motion_of_clumps(slice(0, 1))[0, :, part] - given[:, part])
+            off = off / (norm(given[:, part]) + least + 1e-300)
+            tally.measure("scenario", off, 8.0 * EPS, lambda i: run.frame_place(0, run.clumps[i].first))
     if run.free_walls:
         along = np.asarray(run.result._segments.column("frames", "free_walls")[0])
         given = np.array([[0.0, wall.velocity] for wall in run.free_walls])
@@ -120,6 +138,15 @@ def _walls(run: Run, tally: Tally) -> None:
         found = run.result._segments.static(table)
         for name in sorted({*columns, *found}):
             _compare(tally, columns.get(name, ()), found.get(name, ()), f"/{table}/{name}")
+
+
+def _clumps(run: Run, tally: Tally) -> None:
+    """The table of clumps."""
+    if not run.clumps:
+        return
+    columns, found = run.clump_table, run.result._segments.static("clumps")
+    for name in sorted({*columns, *found}):
+        _compare(tally, columns.get(name, ()), found.get(name, ()), f"/clumps/{name}")
 
 
 def _compare(tally: Tally, wanted: Any, found: Any, dataset: str) -> None:

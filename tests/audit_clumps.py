@@ -1,0 +1,87 @@
+"""Random scenes for the auditor: clumps of one to five balls beside free balls, on a floor and between walls.
+
+python tests/audit_clumps.py 200       # simulates and judges 200 scenes, and says which were found at fault
+python tests/audit_clumps.py 1 37      # the scene of seed 37 alone, and the report on it
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import carom
+import numpy as np
+from audit_random import main
+
+UNTIL = 0.3
+"""Duration, s."""
+R = 0.01
+"""Radius of the largest ball, m."""
+ROOM = 0.05
+"""Edge of the cube that each body starts in, m."""
+
+
+def _spheres(rng: np.random.Generator) -> list[list[float]]:
+    """One to five balls that overlap, touch or stand apart."""
+    found = [[0.0, 0.0, 0.0, R * rng.uniform(0.5, 1.0)]]
+    for _ in range(int(rng.integers(0, 5))):
+        x, y, z, r = found[rng.integers(len(found))]
+        other, way = R * rng.uniform(0.3, 1.0), rng.normal(size=3)
+        apart = float(rng.choice([0.5, 0.9, 1.0, 1.1])) * (r + other)
+        x, y, z = np.array([x, y, z]) + apart * way / np.linalg.norm(way)
+        if np.hypot(np.hypot(x, y), z) + other < 0.5 * ROOM:
+            found.append([float(x), float(y), float(z), other])
+    return found
+
+
+def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
+    """The scene of a number, and options of its run: `run` of `audit_scenes` takes both."""
+    rng = np.random.default_rng([seed, 71])
+
+    def one(*of: Any) -> Any:
+        return of[rng.integers(len(of))]
+
+    across, clumps, balls = one(1, 1, 2), one(1, 2, 4, 6), one(0, 1, 3)
+    made = carom.Scene(gravity=one((0, 0, -9.8), (0, 0, -9.8), (0, 0, 0), (2.0, 0, -9.0)))
+    walls = one(True, True, False)
+    # At 1, or more, what is wedged between a floor and a wall may press with any force.
+    most = 0.9 if walls else 1.0
+    for other in ("grain", "wall"):
+        made.contact("grain", other, friction=one(0.0, 0.2, 0.5, most), restitution=one(0.0, 0.3, 0.7, 1.0),
+                     tangential_restitution=one(0.0, 0.0, 0.0, 0.4), rolling_radius=one(0.0, 0.0, 1e-4),
+                     spinning_radius=one(0.0, 0.0, 1e-4))  # fmt: skip
+    motion = one({}, {}, {"motion": {"translation": [0, 0, {"expression": "0.001*sin(60*t)"}]}})
+    made.plane("floor", point=(0, 0, 0), normal=one((0, 0, 1), (0.1, 0, 1)), material="wall", **motion)
+    if walls:
+        side = ROOM * across
+        for name, axis, sign in (("left", 0, 1), ("right", 0, -1), ("front", 1, 1), ("back", 1, -1)):
+            normal, point = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+            normal[axis], point[axis] = float(sign), 0.0 if sign > 0 else side
+            made.plane(name, point=point, normal=normal, material="wall")
+    speed, spin = one(0.0, 0.3, 1.0), one(0.0, 5.0, 30.0)
+    for k in range(clumps + balls):
+        cell = np.array([k % across, (k // across) % across, k // across**2])
+        place = (ROOM * (cell + 0.5) + np.array([0, 0, 0.1 * ROOM * (across - 1)])).tolist()
+        velocity = (speed * rng.uniform(-1, 1, 3)).tolist()
+        turning = (spin * rng.uniform(-1, 1, 3)).tolist()
+        common = {"material": "grain", "position": place, "velocity": velocity, "angular_velocity": turning}
+        if k < clumps:
+            turn = rng.normal(size=4)
+            heavy = one(
+                {"density": 2500.0}, {"density": 2500.0}, {"mass": 0.02, "inertia": [4e-7, 2e-6, 2.2e-6]}
+            )
+            made.clump(f"c{k}_", spheres=_spheres(rng), orientation=(turn / np.linalg.norm(turn)).tolist(),
+                       **heavy, **common)  # fmt: skip
+        else:
+            made.sphere(f"b{k}", radius=R * rng.uniform(0.5, 1.0), density=2500, **common)
+    options: dict[str, Any] = {
+        "step": one(2e-3, 1e-3, 1e-3, 5e-4),
+        "every": one(1, 1, 1, 10),
+        "impacts": one("every", True, True, True, False),
+        "contacts": one(True, True, True, True, False),
+        "impact": one("sequence", "sequence", "sequence", "one-shot", "poisson"),
+    }
+    return made, options
+
+
+if __name__ == "__main__":
+    main(scene, UNTIL)
