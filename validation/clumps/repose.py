@@ -86,7 +86,7 @@ def run(shape: str, grains: int, seed: int) -> tuple[float, float, int, int]:
     )
     after = scene()
     after.spheres_from(filled)
-    fallen = carom.simulate(after, step=STEP, until=0.8, every=1600, pile_tolerance=1e-5)
+    fallen = carom.simulate(after, step=STEP, until=0.8, every=1600, pile_tolerance=1e-5, impact="one-shot")
     fallbacks = int(sum(np.asarray(r.steps["fallbacks"]).sum() for r in (filled, fallen)))
     return (
         slope(fallen),

@@ -57,6 +57,9 @@ const MEMORY: usize = 5;
 /// Iterations (1) that do not halve the least merit after which steps are halved. Small: steps across a change of status take more
 /// iterations; large: circles of two statuses of 3 to 9 contacts are left to the next rung.
 const PATIENCE: u32 = 6;
+/// Iterations (1) that do not halve the least residual after which Newton's method leaves an island to the next rung. Small: what would have
+/// converged is solved twice; large: hyperstatic islands, in which it goes round in circles, cost all its iterations first.
+const GIVE_UP: u32 = 15;
 /// Relative residual (1) above which a solved island takes one more step. Small: steps of small islands take an iteration more; large:
 /// piles at rest creep by a millionth of the speed that loads give them.
 const FINE: f64 = 1e-8;
@@ -164,7 +167,7 @@ impl Newton {
             total.fallback |= !self.attempts.is_empty();
             x.clone_from(&self.start);
             let mut report = match rung.way {
-                IslandWay::Newton => self.iterate(&mut on, &mut x),
+                IslandWay::Newton => self.iterate(&mut on, held, &mut x),
                 IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
                 IslandWay::Companion => self.companion(&mut on, rung.budget, &mut x),
             };
@@ -234,8 +237,13 @@ impl Newton {
         }
     }
 
-    /// Newton's method.
-    fn iterate<P: Subproblem>(&mut self, on: &mut Island<P>, x: &mut [f64]) -> SolveReport {
+    /// Newton's method, and nothing else where normal impulses are `held` at a least.
+    fn iterate<P: Subproblem>(
+        &mut self,
+        on: &mut Island<P>,
+        held: bool,
+        x: &mut [f64],
+    ) -> SolveReport {
         let options = on.options;
         self.set_penalty(on.system, options.penalty_scale);
         // Loads couple nodes beyond the contacts: the nodes count.
@@ -266,6 +274,9 @@ impl Newton {
             dense,
             terms: Terms::default(),
             report: SolveReport::default(),
+            best: f64::INFINITY,
+            since_better: 0,
+            may_give_up: options.sweeps > 0 && !held,
         };
         let [mut iterations, line_search] = steps.iterate(&mut run, x, &rule);
         // Not where Newton's method alone is asked for: its iterations are the paper's then.
@@ -354,6 +365,11 @@ struct OnRows<'r, 'a, P> {
     dense: bool,
     terms: Terms,
     report: SolveReport,
+    /// Least residual, and the iterations since it was found.
+    best: f64,
+    since_better: u32,
+    /// Whether another rung comes after it.
+    may_give_up: bool,
 }
 
 impl<P: Subproblem> OnRows<'_, '_, P> {
@@ -398,7 +414,14 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         report.converged = merit.is_finite()
             && report.residual < on.options.tolerance
             && newton.gaps_closed(on.system, on.options, 0.0);
-        report.converged || !merit.is_finite() || iterations >= on.options.max_iterations
+        self.since_better += 1;
+        if report.residual < 0.5 * self.best {
+            (self.best, self.since_better) = (report.residual, 0);
+        }
+        report.converged
+            || !merit.is_finite()
+            || iterations >= on.options.max_iterations
+            || (self.may_give_up && self.since_better > GIVE_UP)
     }
 
     fn direction(&mut self, x: &[f64], merit: f64, shift: f64, step: &mut [f64]) -> bool {
