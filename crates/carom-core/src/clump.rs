@@ -6,6 +6,7 @@
 
 use crate::contact::Contact;
 use crate::model::Model;
+use crate::outcome::Failure;
 use crate::rotation::advance;
 use crate::rows::Rows;
 use crate::scratch::Scratch;
@@ -15,13 +16,8 @@ use carom_solve::rows::NODE_DOF;
 use glam::{DMat3, DQuat, DVec3};
 use std::ops::Range;
 
-/// Iterations for the turning of a free clump in a step. Each gains a factor of about the turn in the step: more are in vain.
-const MOST_ITERATIONS: u32 = 60;
-/// Change of the angular velocity over itself (1) that is none.
-const ROUNDING: f64 = 2.0 * f64::EPSILON;
-/// The same where it grows no smaller.
-const NEARLY: f64 = 1e-13;
-
+/// Turn of a clump in a step (rad) from which on its balls may pass others within it: the step is divided. Larger: they do.
+const TOO_FAR: f64 = 1.0;
 /// Parts of a step (1) of second order that together are one of sixth (H. Yoshida, Phys. Lett. A 150, 1990, solution A).
 const COMPOSITION: [f64; 7] = {
     let [a, b, c] = [
@@ -55,6 +51,7 @@ pub struct Clump {
     pub offsets: Vec<DVec3>,
     /// Principal moments of inertia, kg m^2.
     pub inertia: DVec3,
+    split: ([[DVec3; 2]; 2], f64),
 }
 
 impl Clump {
@@ -65,6 +62,7 @@ impl Clump {
             balls: input.balls.clone(),
             offsets: balls.map(|b| q.inverse() * (DVec3::from(*b) - x)).collect(),
             inertia: DVec3::from(input.inertia),
+            split: split(DVec3::from(input.inertia)),
         }
     }
 
@@ -95,31 +93,38 @@ impl Clump {
         [root, root.recip()].map(|s| axes * DMat3::from_diagonal(s) * axes.transpose())
     }
 
-    /// How it turns in `h` without moments: the increment and the angular velocity at the end. The angular momentum stays. None: it turns too far.
-    fn free_turn(&self, q: DQuat, w: DVec3, h: f64) -> Option<[DVec3; 2]> {
-        let momentum = self.momentum(q, w);
-        let (mut end, mut speed) = (q, w);
+    /// Where it turns to in `h` without moments, from its angular momentum, which stays.
+    ///
+    /// With `J_r` a moment, `1/J_r` of the momentum turns it about the momentum, whatever the rest does. The rest is one turn about each of both
+    /// other principal axes, one after the other and back: of second order, the same backwards in time, and exact where two moments are equal.
+    fn free_turn(&self, q: DQuat, momentum: DVec3, h: f64) -> DQuat {
+        let ([a, c], mean) = self.split;
+        let mut to = q;
+        let mut twist = |[axis, rate]: [DVec3; 2], h: f64| {
+            let along = axis.dot(to.inverse() * momentum);
+            to = (to * DQuat::from_scaled_axis(along * h * rate)).normalize();
+        };
         for share in COMPOSITION {
-            (end, speed) = self.symmetric(end, speed, share * h, momentum)?;
+            let h = share * h;
+            twist(c, 0.5 * h);
+            twist(a, h);
+            twist(c, 0.5 * h);
         }
-        Some([(end * q.inverse()).to_scaled_axis(), speed])
+        (DQuat::from_scaled_axis(h / mean * momentum) * to).normalize()
     }
+}
 
-    /// A part of it of second order, that backwards in time is the same: the increment is that of the mean of both angular velocities.
-    fn symmetric(&self, q: DQuat, w: DVec3, h: f64, momentum: DVec3) -> Option<(DQuat, DVec3)> {
-        let (mut end, mut last) = (w, f64::INFINITY);
-        for _ in 0..MOST_ITERATIONS {
-            let to = advance(0.5 * h * (w + end), q);
-            let next = self.turning(to, momentum);
-            let change = (next - end).length() / next.length().max(f64::MIN_POSITIVE);
-            end = next;
-            if change <= ROUNDING || (change >= last && last <= NEARLY) {
-                return Some((to, end));
-            }
-            last = change;
-        }
-        None
-    }
+/// Two principal axes, each with itself times what `1/J` has there beyond that of the third axis, and the moment about that one. The axis with the
+/// other two moments nearest to one another comes first: turns about the second one are slow.
+fn split(inertia: DVec3) -> ([[DVec3; 2]; 2], f64) {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let rate = |k: usize| 1.0 / inertia[k];
+    let apart = |a: usize| (rate((a + 1) % 3) - rate((a + 2) % 3)).abs();
+    let nearest = |a: &usize, b: &usize| apart(*a).total_cmp(&apart(*b));
+    let a = (0..3).min_by(nearest).unwrap_or(0);
+    let (mean, c) = ((a + 1) % 3, (a + 2) % 3);
+    let beyond = |k: usize| [axes[k], (rate(k) - rate(mean)) * axes[k]];
+    ([beyond(a), beyond(c)], inertia[mean])
 }
 
 /// Of four numbers, w first.
@@ -135,8 +140,9 @@ pub struct Clumps {
     /// The same half-way between both ends of the step.
     middle: Vec<DVec3>,
     pub orientation: Vec<DQuat>,
-    /// At which the loads were solved.
+    /// At which the loads were solved, and where these have turned them.
     at_loads: Vec<DQuat>,
+    by_loads: Vec<DQuat>,
     /// `S` of each clump, and its inverse.
     scale: Vec<[DMat3; 2]>,
 }
@@ -152,6 +158,7 @@ impl Clumps {
             middle: vec![DVec3::ZERO; balls],
             orientation: vec![DQuat::IDENTITY; count],
             at_loads: vec![DQuat::IDENTITY; count],
+            by_loads: vec![DQuat::IDENTITY; count],
             scale: vec![[DMat3::IDENTITY; 2]; count],
         }
     }
@@ -247,13 +254,28 @@ fn parts(row: &[f64; NODE_DOF]) -> (DVec3, DVec3) {
     )
 }
 
-/// The motion of clumps without contacts, once their centres have it, and of their balls. False: one turns too far in the step.
-pub(crate) fn predict(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> bool {
+/// The motion of clumps without contacts, once their centres have it, and of their balls. Fails if one turns too far in the step.
+pub(crate) fn predict(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    h: f64,
+) -> Result<(), Failure> {
     for (i, clump) in model.numbered_clumps() {
         let (q, w) = (state.orientation[i], state.angular_velocity[i]);
-        let Some([turn, end]) = clump.free_turn(q, w, h) else {
-            return false;
-        };
+        let momentum = clump.momentum(q, w);
+        let to = clump.free_turn(q, momentum, h);
+        let (end, turn) = (clump.turning(to, momentum), to * q.inverse());
+        let turn = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
+        let most = w.length().max(end.length()) * h;
+        if most > TOO_FAR {
+            let (ball, reach) = (clump.balls.start as u32, model.radius[i]);
+            return Err(Failure::TooFar {
+                bodies: (ball, ball),
+                travel: most * reach,
+                length: TOO_FAR * reach,
+            });
+        }
         scratch.angular[i] = Prediction {
             velocity: end,
             displacement: turn,
@@ -274,7 +296,7 @@ pub(crate) fn predict(model: &Model, state: &State, scratch: &mut Scratch, h: f6
     }
     let clumps = &mut scratch.clumps;
     clumps.at_loads.clone_from(&clumps.orientation);
-    true
+    Ok(())
 }
 
 /// Puts clumps where their centres are and turns them; `moved` are the corrections of both since the smooth step. Their balls follow.
@@ -300,6 +322,10 @@ pub(crate) fn follow(model: &Model, state: &State, scratch: &mut Scratch, of_loa
     };
     let mut shift = correction(scratch);
     place(model, state, scratch, |i| shift[i]);
+    if of_loads {
+        let clumps = &mut scratch.clumps;
+        clumps.by_loads.clone_from(&clumps.orientation);
+    }
     for (i, clump) in model.numbered_clumps() {
         for ball in clump.balls.clone() {
             let smooth = state.position[ball] + scratch.linear[ball].displacement;
@@ -320,11 +346,17 @@ pub(crate) fn turn_back(model: &Model, state: &State, scratch: &mut Scratch) {
     scratch.load_shift = by_loads;
 }
 
-/// Velocities before impacts, of clumps that have been turned since the smooth step: their angular momenta are what stays.
+/// Velocities before impacts, of clumps that have been turned since the smooth step. While loads turn them the angular momentum stays. What corrects
+/// positions takes their angular velocity along with the body: it would give them energy, or a spin that no force makes.
 pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratch) {
     for (number, (i, clump)) in model.numbered_clumps().enumerate() {
         let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]);
-        scratch.angular[i].velocity = clump.turning(scratch.clumps.orientation[number], momentum);
+        let (by_loads, end) = (
+            scratch.clumps.by_loads[number],
+            scratch.clumps.orientation[number],
+        );
+        let corrected = end * by_loads.inverse();
+        scratch.angular[i].velocity = corrected * clump.turning(by_loads, momentum);
         give(clump, i, scratch);
     }
 }

@@ -20,6 +20,8 @@ pub struct Islands {
     parent: Vec<u32>,
     /// Island of each root body, `u32::MAX` where none.
     slot: Vec<u32>,
+    /// Whether clumps belong to each island; empty without clumps.
+    clumps: Vec<bool>,
     contacts: Groups,
     joints: Groups,
     loads: Groups,
@@ -39,6 +41,8 @@ pub struct Island<'a> {
     pub contacts: &'a [u32],
     pub joints: &'a [u32],
     pub loads: &'a [u32],
+    /// Whether clumps belong to it.
+    pub clumps: bool,
 }
 
 impl Island<'_> {
@@ -69,6 +73,7 @@ impl Islands {
             groups.members.clear();
             groups.starts.clear();
         }
+        self.clumps.clear();
         let spheres = model.bodies();
         let alone = |c: &Contact| c.is_wall(model) && model.clump_of(c.a).is_none();
         if links.is_empty() && contacts.iter().all(alone) {
@@ -115,6 +120,15 @@ impl Islands {
         let mut groups = std::mem::take(&mut self.contacts);
         groups.fill(islands, contacts.map(|(k, a)| (k, self.island_of(a))));
         (self.contacts, self.ends) = (groups, ends);
+        if !model.clumps.is_empty() {
+            self.clumps.resize(islands as usize, false);
+            for body in self.ends.iter().flatten().filter(|&&b| b < WALL) {
+                if model.as_clump(*body).is_some() {
+                    let island = self.island_of(*body);
+                    self.clumps[island as usize] = true;
+                }
+            }
+        }
         if links.is_empty() {
             return;
         }
@@ -167,6 +181,7 @@ impl Islands {
             contacts: self.contacts.of(index),
             joints: self.joints.of(index),
             loads: self.loads.of(index),
+            clumps: self.clumps.get(index) == Some(&true),
         }
     }
 

@@ -125,7 +125,12 @@ impl ImpactScratch {
             let [lin, ang] = clumps.to_node(model, body, motion);
             self.v_check
                 .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
-            let motion = [state.velocity[i], state.angular_velocity[i]];
+            // Of a clump as it has turned since: its spin changes without forces.
+            let w = match model.as_clump(body) {
+                Some(_) => angular[i].velocity,
+                None => state.angular_velocity[i],
+            };
+            let motion = [state.velocity[i], w];
             let [lin, ang] = clumps.to_node(model, body, motion);
             self.v_old
                 .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);

@@ -3,10 +3,13 @@
 //! With `y = M^-1/2 G^T` of a row, joints leave the part of it that is orthogonal to theirs. Gram and Schmidt's basis needs no factor of a matrix that
 //! redundant joints make singular.
 
+use carom_solve::cone::MAX_ROWS;
 use carom_solve::rows::{RowContact, RowSystem};
 
 /// Part (1) of a row below which other joints have all of it. At 0 a joint that is said twice is rounding, and rounding a direction.
 const HELD: f64 = 1e-9;
+/// Share (1) by which rows of friction differ that are not those of balls.
+const UNEVEN: f64 = 1e-9;
 
 /// What rows of contacts do; without joints as the system says.
 pub struct Reduced {
@@ -25,6 +28,9 @@ impl Reduced {
             inverse: system.diag.clone(),
         };
         if joints.is_empty() {
+            for c in contacts.iter().filter(|c| c.bounds.sliding > 0.0) {
+                found.share_largest(system, c);
+            }
             return found;
         }
         let root = root_of_inverse_mass(system);
@@ -56,6 +62,18 @@ impl Reduced {
             y.iter_mut().zip(&root).for_each(|(y, root)| *y *= root);
         }
         found
+    }
+
+    /// Both rows of friction of a contact with clumps get the largest inverse mass of their plane. Of balls both are that, but for rounding.
+    fn share_largest(&mut self, system: &RowSystem, c: &RowContact) {
+        let mut block = [[0.0; MAX_ROWS]; MAX_ROWS];
+        system.delassus_block(c, c, &mut block);
+        let [xx, yy, xy] = [block[1][1], block[2][2], block[1][2]];
+        if (xx - yy).abs().max(xy.abs()) > UNEVEN * xx.max(yy) {
+            let largest = 0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy);
+            let row = c.row as usize;
+            self.inverse[row + 1..row + 3].fill(largest);
+        }
     }
 
     /// Velocities `u` after an impulse in a row of a contact.

@@ -24,9 +24,7 @@ const TOLERANCE: f64 = 1e-10;
 pub fn solve(on: &mut Step) -> Result<(), Failure> {
     predict(on);
     on.report.iterations_smooth = 1;
-    if !clump::predict(on.model, on.state, on.scratch, on.span.h) {
-        return Err(Failure::NotConverged(Level::Smooth));
-    }
+    clump::predict(on.model, on.state, on.scratch, on.span.h)?;
     if !on.model.is_free() {
         iterate(on)?;
     }

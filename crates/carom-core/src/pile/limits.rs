@@ -69,7 +69,7 @@ pub fn fits(model: &Model, island: Island) -> bool {
     };
     island.contacts.len() > least as usize
         && island.is_free()
-        && model.clumps.is_empty()
+        && !island.clumps
         && o.solver == Solver::Auto
         && !o.impact.is_printed()
         && !o.is_printed()
