@@ -37,15 +37,22 @@ def of_block(block: Block) -> Flights:
     run, dt = block.run, block.dt[:, None]
     rows = block.c1.copy()
     off = np.zeros(rows.shape[:2])
+    many = np.tile(np.arange(len(run.clumps)), block.count)
+    start, times = (
+        block.c0.reshape(-1, 13),
+        np.repeat(np.asarray(block.dt, dtype=np.float64), len(run.clumps)),
+    )
+    turned = rigid.free(run.rigid.inertia[many], start[:, 3:7], start[:, 10:], times)
+    rows[..., 3:7] = turned.reshape(*rows.shape[:2], 4)
     for number, clump in enumerate(run.clumps):
         old, new = block.c0[:, number], rows[:, number]
         q, w = old[:, 3:7], old[:, 10:]
         new[:, :3] = old[:, :3] + dt * old[:, 7:10] + 0.5 * dt * dt * run.gravity
         new[:, 7:10] = old[:, 7:10] + dt * run.gravity
-        new[:, 3:7] = clump.free(q, w, np.asarray(block.dt, dtype=np.float64))
         new[:, 10:] = clump.turning(new[:, 3:7], clump.momentum(q, w))
         fast = np.where((norm(w) > norm(block.c1[:, number, 10:]))[:, None], w, block.c1[:, number, 10:])
         off[:, number] = block.updates * clump.scheme(fast, run.h)
+        off[np.isnan(new[:, 3]), number] = np.inf
     x, _, v, _ = rigid.placed(run, block.x1, block.q1, rows)
     return Flights(rows, x, v, off)
 
@@ -75,8 +82,8 @@ def turned_on(block: Block) -> tuple[F64, F64]:
 
 
 def energy_of_balls(block: Block, at: I64, motion: F64) -> F64:
-    """(M,) kinetic energy of the clumps, at the places of the second frames, of which balls have the `motion` (M, 6), J; `at`
-    is interval times N plus ball.
+    """(M,) kinetic energy of the clumps, at the places of the second frames, of which balls have the `motion` (M, 6), J;
+    `at` is interval times N plus ball.
     """
     run, (k, ball) = block.run, np.divmod(at, block.run.bodies)
     number = run.clump_of[ball]
@@ -84,7 +91,6 @@ def energy_of_balls(block: Block, at: I64, motion: F64) -> F64:
     v = motion[:, :3] - cross(w, rotated(q, run.rigid.offsets[ball]))
     turning = dot(w, run.rigid.momentum(number, q, w))
     return np.asarray(0.5 * (run.rigid.mass[number] * dot(v, v) + turning))
-
 
 
 def energy_of_turning(block: Block) -> tuple[F64, F64]:

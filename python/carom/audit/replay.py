@@ -488,7 +488,7 @@ class Replay:
         each = 0.5 * np.einsum("ij,ij,ij->i", self.inertia[at], self.now[at], self.now[at])
         if run.clumps:  # of which each ball has a share
             mine = np.flatnonzero(run.in_clump[at % run.bodies])
-            share = run.rigid.count[run.clump_of[at[mine] % run.bodies]]
+            share = run.rigid.many[run.clump_of[at[mine] % run.bodies]]
             each[mine] = flights.energy_of_balls(block, at[mine], self.now[at[mine]]) / share
         kinetic = np.bincount(at // run.bodies, each, minlength=count) + total(np.where(moving, driven, 0.0))
         given = 2.0 * self.compliance[1][rows] * norm(r.impulse)

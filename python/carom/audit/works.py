@@ -115,4 +115,4 @@ def bound(block: Block, r: Rows | Hits) -> F64:
     fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * spin + norm(run.gravity) * run.h
     at = fast[r.k, r.a] + fast[r.k, other] + own[1] * push
     left = 2.0 * own[1] * block.left(norm(block.rows.impulse))[r.k]
-    return np.asarray(push * (256.0 * EPS * at + left) + 1e-300)
+    return np.asarray(push * (256.0 * EPS * at + left) + 1e-250)
