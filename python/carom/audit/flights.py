@@ -54,7 +54,8 @@ def of_block(block: Block) -> Flights:
         off[:, number] = block.updates * clump.scheme(fast, run.h)
         off[np.isnan(new[:, 3]), number] = np.inf
     x, _, v, _ = rigid.placed(run, block.x1, block.q1, rows)
-    return Flights(rows, x, v, off)
+    known = np.isfinite(x)
+    return Flights(rows, np.where(known, x, block.x1), np.where(known, v, block.v1), off)
 
 
 @once
