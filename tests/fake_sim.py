@@ -269,6 +269,7 @@ class Scene:
     title: str = "fake"
     names: list[str] = field(default_factory=lambda: ["one", "two"])
     wall_names: list[str] = field(default_factory=lambda: ["bed"])
+    clumps: tuple[()] = ()
     load_functions: tuple[Any, ...] = ()
     joint_names: tuple[str, ...] = ()
     case: str | None = None

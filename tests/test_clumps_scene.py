@@ -12,10 +12,12 @@ import pytest
 from carom import ScenarioError, Scene, simulate_batch
 from carom.cli import main
 from carom.errors import CaromError
-from carom.result.clumps import Clumps
+from carom.result.clumps import Clumps, rigid
 from carom.scene.assembly.arrays import identify
+from carom.scene.assembly.filling import random_turns
 from carom.scene.assembly.rotations import rotated
 from carom.scene.tables.clumps import Clump
+from carom.show.viewer.table import ball_facts
 
 TEE = [[-0.01, 0, 0, 0.006], [0, 0, 0, 0.006], [0.01, 0, 0, 0.006], [0, 0.01, 0, 0.006], [0, 0.02, 0, 0.006]]
 """Spheres that overlap, in the shape of a T: its principal axes are its own ones."""
@@ -377,3 +379,51 @@ def test_the_commands_count_clumps(tmp_path: Path, capsys: pytest.CaptureFixture
     assert json.loads(printed("check", str(tmp_path / "grain.toml"), "--json"))["clumps"] == 1
     assert json.loads(printed("info", str(tmp_path / "run"), "--json"))["clumps"] == 1
     assert "principal moments" in printed("info", str(tmp_path / "run"))
+
+
+def test_pictures_give_the_balls_of_a_clump_one_colour(result: carom.Result) -> None:
+    assert rigid(result).tolist() == [0, 1, 1, 1]
+    shown = ball_facts(result, None, 1)["balls"]
+    assert len({colour for _, colour, _ in shown[1:]}) == 1
+    assert shown[0][1] != shown[1][1]
+    assert {label for _, _, label in shown} == {""}
+    assert len(ball_facts(result, None, 2)["balls"]) == 2
+
+
+def test_a_packing_of_clumps() -> None:
+    rod = [[-0.005, 0, 0, 0.005], [0.005, 0, 0, 0.005]]
+    keys = {
+        "spheres": rod,
+        "material": "glass",
+        "density": 2500,
+        "seed": 3,
+        "low": (0, 0, 0),
+        "high": (0.06, 0.06, 0.1),
+    }
+
+    def made(**more: float) -> carom.Scene:
+        scene = carom.Scene(run={"until": 1.0})
+        scene.contact("glass", "glass", friction=0.5, restitution=0.1)
+        scene.clump_packing("rod", **keys, **more)
+        return scene
+
+    one, two = made(fraction=0.1), made(fraction=0.1)
+    volume = sum(c.body().mass for c in one.clumps) / 2500
+    assert volume == pytest.approx(0.1 * 0.06 * 0.06 * 0.1, rel=0.03)
+    assert one.to_toml() == two.to_toml()
+    one.validate()
+    assert len({c.orientation for c in one.clumps}) == len(one.clumps)
+    centres = np.concatenate([c.centres() for c in one.clumps])
+    assert centres.min() > 0.005 - 1e-9
+    assert (centres < [0.055 + 1e-9, 0.055 + 1e-9, 0.095 + 1e-9]).all()
+    assert len(made(count=12).clumps) == 12
+    with pytest.raises(ScenarioError, match=r"0\.5 is not within 0 and 0\.15"):
+        made(fraction=0.5)
+
+
+def test_turns_at_random_favour_no_direction() -> None:
+    turns = random_turns(5, 4000)
+    assert np.linalg.norm(turns, axis=1) == pytest.approx(1.0)
+    axis = rotated(turns, np.array([0.0, 0.0, 1.0]))
+    assert np.abs(axis.mean(axis=0)).max() < 0.05
+    assert (axis**2).mean(axis=0) == pytest.approx(1 / 3, abs=0.02)

@@ -132,6 +132,8 @@ pub fn quaternion(q: [f64; 4]) -> DQuat {
 pub struct Clumps {
     /// Centres of all balls from the centre of mass of their clump, m; 0 where they have none.
     lever: Vec<DVec3>,
+    /// The same half-way between both ends of the step.
+    middle: Vec<DVec3>,
     pub orientation: Vec<DQuat>,
     /// At which the loads were solved.
     at_loads: Vec<DQuat>,
@@ -147,18 +149,23 @@ impl Clumps {
         };
         Clumps {
             lever: vec![DVec3::ZERO; balls],
+            middle: vec![DVec3::ZERO; balls],
             orientation: vec![DQuat::IDENTITY; count],
             at_loads: vec![DQuat::IDENTITY; count],
             scale: vec![[DMat3::IDENTITY; 2]; count],
         }
     }
 
-    /// Turns a clump to an orientation.
-    fn put(&mut self, clump: &Clump, number: usize, q: DQuat) {
-        self.orientation[number] = q;
-        self.scale[number] = clump.scales(q);
+    /// Turns a clump from its orientation at t_n to another one.
+    fn put(&mut self, clump: &Clump, number: usize, [from, to]: [DQuat; 2]) {
+        self.orientation[number] = to;
+        self.scale[number] = clump.scales(to);
+        // Of both signs of a quaternion the nearer one.
+        let near = if from.dot(to) < 0.0 { -from } else { from };
+        let middle = (near + to).normalize();
         for (ball, offset) in clump.balls.clone().zip(&clump.offsets) {
-            self.lever[ball] = q * *offset;
+            self.lever[ball] = to * *offset;
+            self.middle[ball] = middle * *offset;
         }
     }
 
@@ -174,17 +181,35 @@ impl Clumps {
     #[inline]
     pub fn rows(&self, model: &Model, c: &Contact, normal: DVec3, rows: &mut Rows) -> usize {
         let count = c.rows(model, normal, rows);
+        self.fold_rows(model, c, &self.lever, &mut rows[..count]);
+        count
+    }
+
+    /// Those along which loads act ([`Contact::middle`]): clumps too stand half-way between both ends of the step.
+    #[inline]
+    pub fn middle_rows(&self, model: &Model, c: &Contact, rows: &mut Rows) {
+        let middle = c.middle();
+        let count = middle.rows(model, middle.n1, rows);
+        self.fold_rows(model, c, &self.middle, &mut rows[..count]);
+    }
+
+    #[inline]
+    fn fold_rows(
+        &self,
+        model: &Model,
+        c: &Contact,
+        levers: &[DVec3],
+        rows: &mut [[[f64; NODE_DOF]; 2]],
+    ) {
         if !self.orientation.is_empty() {
             for (side, ball) in [(0, c.a), (1, c.b)] {
                 if let Some(clump) = model.clump_of(ball) {
-                    let lever = self.lever[ball as usize];
-                    rows[..count]
-                        .iter_mut()
+                    let lever = levers[ball as usize];
+                    rows.iter_mut()
                         .for_each(|row| self.fold(clump, lever, &mut row[side]));
                 }
             }
         }
-        count
     }
 
     /// A gradient over the velocities of a ball as one over those of the node of its clump.
@@ -257,7 +282,7 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch, moved: impl Fn(usi
     for (number, (i, clump)) in model.numbered_clumps().enumerate() {
         let turn = scratch.angular[i].displacement + moved(i)[1];
         let q = advance(turn, state.orientation[i]);
-        scratch.clumps.put(clump, number, q);
+        scratch.clumps.put(clump, number, [state.orientation[i], q]);
         for ball in clump.balls.clone() {
             scratch.position[ball] = scratch.position[i] + scratch.clumps.lever[ball];
         }

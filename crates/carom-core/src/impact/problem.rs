@@ -74,8 +74,8 @@ impl ImpactScratch {
                 &[0.0; 6][..dim],
             );
             if once {
-                let (mut middle, mean) = (Rows::default(), c.middle());
-                clumps.rows(model, &mean, mean.n1, &mut middle);
+                let mut middle = Rows::default();
+                clumps.middle_rows(model, c, &mut middle);
                 self.middle.extend_from_slice(&middle[..dim]);
                 self.opening.push(opening(model, state, walls, c));
             }

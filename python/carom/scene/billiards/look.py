@@ -80,10 +80,13 @@ def _numbered(name: str, place: int) -> BallLook:
         return BallLook("solid", POOL[number - 1], str(number))
     if 9 <= number <= 15:
         return BallLook("stripe", POOL[number - 9], str(number))
-    # By the golden angle neighbours differ and none repeats.
+    return BallLook("solid" if number % 2 else "stripe", by_number(number), str(number))
+
+
+def by_number(number: int) -> str:
+    """A colour for each number: by the golden angle neighbours differ and none repeats."""
     rgb = colorsys.hls_to_rgb(number * 137.508 % 360 / 360, 0.45, 0.55)
-    colour = "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
-    return BallLook("solid" if number % 2 else "stripe", colour, str(number))
+    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
 
 
 def _cue_ball(result: Any, names: Sequence[str]) -> int:

@@ -5,21 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
+import numpy as np
 from pydantic import ValidationError
 
 from carom.arrays import F64
 from carom.errors import Problem, ScenarioError, quoted
 from carom.scene.arguments import explained
+from carom.scene.assembly.filling import circumscribed, random_turns
 from carom.scene.messages import from_python
+from carom.scene.packing import PackingError
 from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.model import Contact, Material, Scenario
 from carom.scene.tables.packing import Packing
+from carom.scene.tables.quantities import ZEROS
 
 Number = float | str
 """A number in SI or a string with a unit."""
 Vector = Sequence[Number] | F64
+LOOSE = 0.6
+"""Fraction of the balls about clumps at most: a little less than that of random packings."""
 _PARTS = (Table, list, tuple, dict)
 _T = TypeVar("_T", bound=Table)
 _V = TypeVar("_V")
@@ -283,6 +289,64 @@ class Builder:
         self.material(material)
         self._tree.packing.append(packing)
         return packing
+
+    @explained
+    def clump_packing(
+        self,
+        name: str,
+        *,
+        spheres: Sequence[Vector] | F64,
+        material: str,
+        density: Number,
+        seed: int,
+        count: int | None = None,
+        fraction: float | None = None,
+        gap: Number | None = None,
+        region: str | None = None,
+        low: Vector | None = None,
+        high: Vector | None = None,
+        periodic: str | None = None,
+        point: Vector | None = None,
+        axis: Vector | None = None,
+        region_radius: Number | None = None,
+        length: Number | None = None,
+        velocity: Vector | None = None,
+    ) -> list[Clump]:
+        """Add clumps of one shape at random places, turned at random, without overlaps, and return them.
+
+        `spheres` are those of `clump`, the region is that of `packing`. There are `count` clumps, or as many as fill
+        `fraction` of it. Balls about the clumps are packed, so that long ones lie loosely until they fall. They are
+        called `name` + number + "-".
+        """
+        label = f"Scene.clump_packing({quoted(name)})"
+        given = {k: v for k, v in locals().items() if k not in ("self", "label", "spheres", "fraction")}
+        shape = make(
+            Clump, label, name=name, spheres=spheres, material=material, density=density, position=ZEROS
+        )
+        reach, solid = circumscribed(shape)
+        more = 4.0 / 3.0 * np.pi * reach**3 / solid
+        about = None if fraction is None else more * fraction
+        if about is not None and not 0.0 < about <= LOOSE:
+            cause = f"{fraction:g} is not within 0 and {LOOSE / more:.3g}: what is packed are balls about the clumps"
+            cure = "give less; clumps that fall lie denser"
+            raise ScenarioError([Problem(label, "fraction", cause, cure)])
+        try:
+            packed = make(Packing, label, **given, fraction=about, diameter=2.0 * reach).packed()
+        except PackingError as error:
+            cause = f"balls about the clumps, of {more:.3g} times their volume, do not fit: {error.cause}"
+            raise ScenarioError(
+                [Problem(label, "fraction" if about else "count", cause, error.cure)]
+            ) from None
+        turns = random_turns(seed, len(packed.position))
+        self.material(material)
+        made = [
+            shape.placed(place, turn).model_copy(
+                update={"name": f"{name}{k}-", "velocity": tuple(map(float, velocity or ZEROS))}
+            )
+            for k, (place, turn) in enumerate(zip(packed.position, turns, strict=True), 1)
+        ]
+        self._tree.clump += made
+        return made
 
     def _take_name(self, name: str, label: str) -> None:
         if name in self._names:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.arrays import F64
+from carom.arrays import F64, I64
+from carom.result.clumps import rigid
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import rotated, upward
 from carom.scene.billiards.look import KINDS, BallLook, ball_looks
@@ -106,7 +107,7 @@ class Stage:
             rods.GetProperty().SetLineWidth(max(1.0, look.height / 360))
             rods.GetProperty().LightingOff()
             self._renderer.AddActor(rods)
-        labels = self._colours(None if table is None else ball_looks(result, table))
+        labels = self._colours(rigid(result), None if table is None else ball_looks(result, table))
         self._balls = Balls(self._lamp, self._up, labels)
         self._renderer.AddActor(self._balls.actor)
         self._stamp = self._text() if look.stamp else None
@@ -265,15 +266,17 @@ class Stage:
 
     # Balls.
 
-    def _colours(self, looks: list[BallLook] | None) -> list[str]:
-        """Colours and patterns of the balls, those of billiards if there are `looks`; what is written on them, each once."""
+    def _colours(self, body: I64, looks: list[BallLook] | None) -> list[str]:
+        """Colours and patterns of the balls, those of billiards if there are `looks`; what is written on them, each once.
+        Balls of one rigid `body` (N,) have one colour.
+        """
         count = len(self._playback.radius)
         labels = [""]
         self._badge = np.full((count, 2), (PLAIN if self._look.shading == "plain" else GRAIN, 0.0))
         if looks is None:
             own = np.array([colour(css) for css in COLOURS])
             own = 0.18 + 0.82 * own  # black has to show its two tones
-            self._own = own[np.arange(count) % len(own)]
+            self._own = own[body % len(own)]
         else:
             self._own = np.array([colour(look.colour) for look in looks])
             if self._look.shading == "pattern":

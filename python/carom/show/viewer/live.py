@@ -19,6 +19,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, extra
+from carom.result.clumps import rigid
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.neighbours import folded
@@ -141,7 +142,7 @@ class Live:
         # Lights and depth of the page are made for scenes of some metres.
         self._scale = SIZE / float(np.linalg.norm(high - low))
         position, self._radius = self._scale * position, self._scale * self._radius
-        colour = COLOURS[np.arange(len(self._radius)) % len(COLOURS)]
+        colour = COLOURS[rigid(result)[:: self._every] % len(COLOURS)]
         self._halves = [
             scene.add_batched_meshes_simple(
                 f"/balls/{name}",

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.scene.billiards.look import KINDS, MOST_NUMBERED, ball_looks
+from carom.result.clumps import rigid
+from carom.scene.billiards.look import KINDS, MOST_NUMBERED, ball_looks, by_number
 from carom.scene.billiards.shape import Shape
 from carom.scene.billiards.solid import SURFACES, parts
 from carom.scene.billiards.table import Table
@@ -48,7 +49,12 @@ def packed_table(shape: Shape, origin: F64) -> Iterator[tuple[str, codec.Integer
 
 
 def ball_facts(result: Any, table: Table | None, every: int) -> dict[str, Any]:
-    """Kind, colour and number of each ball that is shown, where there are few: `{"balls": [[1, "#f2b705", "1"], ...]}`."""
+    """Kind, colour and number of each ball that is shown, where there are few: `{"balls": [[1, "#f2b705", "1"], ...]}`.
+
+    The balls of a clump have one colour and no number.
+    """
+    if getattr(result, "clumps", None):
+        return {"balls": [[len(KINDS), by_number(k), ""] for k in rigid(result)[::every].tolist()]}
     if len(result.names) > MOST_NUMBERED * every:
         return {}
     looks = ball_looks(result, table)[::every]
