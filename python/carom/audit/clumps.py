@@ -4,8 +4,8 @@
     x' = x + dt v + dt^2 g/2 + sum nu/M       R' = exp(psi) R_free,  psi = J^-1 (sum d x nu + moments)
 
 over the contacts of all balls of a clump, with `R_free` of free flight (`flights`). Levers `d'` are those of the end of the
-step. The turn by contacts is known to the product of both turns, of which each may be the first. Over several steps levers
-turn by no more than the clump, and it is where its impulses, each at any time, can have brought it.
+step, of loads those half-way. The turn by contacts is known to the product of both turns, of which each may be the first.
+Over several steps levers turn by no more than the clump, and it is where its impulses, each at any time, can have brought it.
 """
 
 from __future__ import annotations
@@ -147,6 +147,10 @@ class _Clump:
         # Impulses of several steps may cancel in their sum: the normal ones do not.
         index = block.run.law_index(block.rows.a, block.rows.b)
         mu = np.nan_to_num(block.run.friction(index, np.zeros(len(index)))).max(initial=0.0)
+        if not block.run.has_impacts:  # of loads and impacts together nothing tells which is which
+            several = block.over(block.run.steps["impact_problems"]) > 1
+            off = norm(flights.half_way(block)[:, clump.balls])
+            bound = bound + np.where(several, (off * s.size[:, clump.balls]).sum(axis=1), 0.0)
         angle = np.where(block.single, 0.0, np.minimum(self._rate() * block.dt, 2.0))
         struck = np.maximum(pushed * (1.0 + 2.0 * mu), forces.strokes(block)[0][:, clump.first] * clump.reach)
         return value, bound + angle * struck

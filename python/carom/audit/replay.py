@@ -259,7 +259,8 @@ class Replay:
         self.scratch[at] = 0.0
         run, r, pairs, lever = self.block.run, self.r.of(rows), self.pairs[1].of(rows), self.lever[rows]
         if run.loads_once:
-            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], ends)
+            middle = [flights.at_half_way(self.block, r.k, r.a, r.b, motion) for motion in ends]
+            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], middle)
         else:
             before, after = (rates(run, pairs, motion, r.normal, lever) for motion in ends)
             found = works.done(self.push[rows], self.slide[rows], r.moment, lever, before, after)
@@ -312,6 +313,10 @@ class Replay:
         ball, moved = (r.b < run.balls)[:, None], (r.b < run.bodies)[:, None]
         of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
         turned_by = -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm
+        if run.loads_once:
+            off, load = flights.half_way(self.block), np.where((r.problem == 0)[:, None], r.impulse, 0.0)
+            of_a[:, 3:] += cross(off[r.k, r.a], load)
+            turned_by -= cross(off[r.k, np.minimum(r.b, run.bodies)], load)
         of_b = np.hstack([-run.taken(r.b, r.impulse), np.where(ball, turned_by, 0.0)])
         return of_a, np.where(moved, of_b, 0.0)
 
