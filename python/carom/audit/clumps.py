@@ -5,7 +5,7 @@
 
 over the contacts of all balls of a clump, with `R_free` of free flight (`flights`). Levers `d'` are those of the end of the
 step, of loads those half-way. The turn by contacts is known to the product of both turns, of which each may be the first.
-Over several steps levers turn by no more than the clump, and it is where its impulses, each at any time, can have brought it.
+Over several steps levers turn by no more than the clump. It is where its impulses, each at any time, can have brought it.
 """
 
 from __future__ import annotations
