@@ -527,6 +527,13 @@ class Replay:
             since = since - np.bincount(
                 self.r.k[anew], self._work_since(anew, motion) * asked[anew], minlength=count
             )
+            # Friction on clumps may take less in an impact than the loads would: restitution alone is held to these.
+            restores = run.restitution(self.law[rows], np.maximum(-before.normal, 0.0)) > 0.0
+            restores &= run.impact_law.restitution != "poisson"
+            of_clumps = np.append(run.in_clump, False)
+            clumped = of_clumps[r.a] | of_clumps[np.minimum(r.b, run.bodies)]
+            loose = (np.bincount(r.k, clumped, minlength=count) > 0) & (total(restores * 1.0) == 0.0)
+            since = np.where(loose, gained, since)
             gained = np.where(redone, since, np.maximum(gained, since))
         if run.impact_law.restitution == "poisson":
             # An expansion gives back what its compression took.
