@@ -532,7 +532,9 @@ class Replay:
             restores &= run.impact_law.restitution != "poisson"
             of_clumps = np.append(run.in_clump, False)
             clumped = of_clumps[r.a] | of_clumps[np.minimum(r.b, run.bodies)]
-            loose = (np.bincount(r.k, clumped, minlength=count) > 0) & (total(restores * 1.0) == 0.0)
+            loose = (np.bincount(r.k, clumped, minlength=count) > 0) & (
+                np.bincount(r.k, restores, minlength=count) == 0
+            )
             since = np.where(loose, gained, since)
             gained = np.where(redone, since, np.maximum(gained, since))
         if run.impact_law.restitution == "poisson":
