@@ -551,10 +551,13 @@ class Replay:
     def _work_since(self, rows: slice | I64, motion: F64) -> F64:
         """(K,) works of rows by the mean of the velocities that the loads have left and those of a `motion`."""
         a, b = (of[rows] for of in self.at)
+        r, run = self.r.of(rows), self.block.run
+        if run.loads_once and len(r) and r.problem[0] == 0:
+            ends = [(of[a, :3], of[a, 3:], of[b, :3], of[b, 3:]) for of in (self.loaded, motion)]
+            middle = [flights.at_half_way(self.block, r.k, r.a, r.b, of) for of in ends]
+            pairs = self.pairs[1].of(rows)
+            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], middle)
+            return np.asarray(found.sum(axis=1))
         first, last = (self._rates(rows, (of[a], of[b])) for of in (self.loaded, motion))
-        moment = self.r.moment[rows]
-        if self.block.run.loads_once:
-            stated = loads_once.along_mean(moment, self.first[rows], self.r.normal[rows]).stated
-            moment = np.where((self.r.problem[rows] == 0)[:, None], stated, moment)
-        found = works.done(self.push[rows], self.slide[rows], moment, self.lever[rows], first, last)
+        found = works.done(self.push[rows], self.slide[rows], r.moment, self.lever[rows], first, last)
         return np.asarray(found.sum(axis=1))
