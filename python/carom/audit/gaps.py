@@ -163,6 +163,15 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             r = hits.of_block(block)
             struck = np.sqrt(np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count))
             left = np.maximum(left, 16.0 * (block.tolerance * struck)[k] * compliance(run, a, b)[0])
+        if run.clumps:  # which a contact far from the centre moves more than its impulse over the mass
+            pushed = np.where(run.in_clump, 0.0, run.mass)[:, None] * (
+                block.v1 - block.v0 - run.falls * block.dt[:, None, None]
+            )
+            for number, clump in enumerate(run.clumps):
+                gained = (block.c1 - block.c0)[:, number, 7:10] - run.gravity * block.dt[:, None]
+                pushed[:, clump.first] = clump.mass * gained
+            given = 8.0 * (block.tolerance * np.sqrt(np.nansum(norm(pushed) ** 2, axis=1)))[k]
+            left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
         if run.free_walls:  # of which one may be far heavier than the balls that it presses
             pushed = run.mass[:, None] * (block.v1 - block.v0 - run.falls * block.dt[:, None, None])
             pushed = norm(pushed - of_loads(block).impulse[..., :3])
