@@ -198,11 +198,15 @@ def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_islan
 
 
 def _fastest(block: Block) -> F64:
-    """(B,) largest `|v| + r |w|` of a body at either end, m/s."""
+    """(B,) largest `|v| + r |w|` of a body or clump at either end, m/s."""
     speed = np.maximum(
         norm(block.v0) + block.run.radius * norm(block.w0), norm(block.v1) + block.run.radius * norm(block.w1)
     )
-    return np.asarray(np.nan_to_num(speed).max(axis=1))
+    found = np.nan_to_num(speed).max(axis=1)
+    for number, clump in enumerate(block.run.clumps):
+        for row in (block.c0[:, number], block.c1[:, number]):
+            found = np.maximum(found, norm(row[:, 7:10]) + clump.reach * norm(row[:, 10:]))
+    return np.asarray(found)
 
 
 def _load(block: Block) -> F64:
