@@ -4,8 +4,8 @@
     x' = x + dt v + dt^2 g/2 + sum nu/M       R' = exp(psi) R_free,  psi = J^-1 (sum d x nu + moments)
 
 over the contacts of all balls of a clump, with `R_free` of free flight (`flights`). Levers `d'` are those of the end of the
-step. The turn by contacts is known to the product of both turns, of which each may be the first. Over several steps levers
-turn by no more than the clump, and it is where its impulses, each at any time, can have brought it.
+step, of loads those half-way. The turn by contacts is known to the product of both turns, of which each may be the first.
+Over several steps levers turn by no more than the clump. It is where its impulses, each at any time, can have brought it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from carom.arrays import F64, Bool
 from carom.audit import flights, forces, groups, hits, rigid
-from carom.audit.block import Block, Rows
+from carom.audit.block import Block, Rows, once
 from carom.audit.loads import solved_again
 from carom.audit.motion import CONTACTS, RECORD, largest, rounding
 from carom.audit.report import Tally
@@ -74,6 +74,22 @@ def _measure(block: Block, tally: Tally, value: F64, bound: F64) -> None:
     )
 
 
+@once
+def _by_loads(block: Block) -> F64:
+    """(B, N) position impulses of loads on each body, N s^2, of which positions may have taken back all."""
+    run, c = block.run, block.rows
+    size = np.zeros((block.count, run.bodies + 1))
+    struck = groups.struck(block)[c.k, c.a] & run.has_impacts
+    tables: list[tuple[Rows | hits.Hits, F64]] = [(c, np.where(struck, 0.0, norm(c.impulse)))]
+    if run.has_impacts:
+        r = hits.of_block(block)
+        tables.append((r, np.where(r.problem == 0, norm(r.impulse), 0.0)))
+    for table, given in tables:
+        for body in (table.a, np.minimum(table.b, run.bodies)):
+            np.add.at(size, (table.k, body), given)
+    return np.asarray(run.h * size[:, :-1])
+
+
 class _Clump:
     """One clump in a block."""
 
@@ -131,6 +147,10 @@ class _Clump:
         # Impulses of several steps may cancel in their sum: the normal ones do not.
         index = block.run.law_index(block.rows.a, block.rows.b)
         mu = np.nan_to_num(block.run.friction(index, np.zeros(len(index)))).max(initial=0.0)
+        if not block.run.has_impacts:  # of loads and impacts together nothing tells which is which
+            several = block.over(block.run.steps["impact_problems"]) > 1
+            off = norm(flights.half_way(block)[:, clump.balls])
+            bound = bound + np.where(several, (off * s.size[:, clump.balls]).sum(axis=1), 0.0)
         angle = np.where(block.single, 0.0, np.minimum(self._rate() * block.dt, 2.0))
         struck = np.maximum(pushed * (1.0 + 2.0 * mu), forces.strokes(block)[0][:, clump.first] * clump.reach)
         return value, bound + angle * struck
@@ -154,20 +174,6 @@ class _Clump:
         reach = np.where(block.single, 0.0, 2.0 * (struck * block.dt + moved) / m)
         return value, self.rounding * size + np.where(self.touched, left + reach, 0.0)
 
-    def _by_loads(self) -> F64:
-        """(B,) position impulses of loads on it, N s^2, of which positions may have taken back all."""
-        block, run, c = self.block, self.block.run, self.block.rows
-        size = np.zeros((block.count, run.bodies + 1))
-        struck = groups.struck(block)[c.k, c.a] & run.has_impacts
-        tables: list[tuple[Rows | hits.Hits, F64]] = [(c, np.where(struck, 0.0, norm(c.impulse)))]
-        if run.has_impacts:
-            r = hits.of_block(block)
-            tables.append((r, np.where(r.problem == 0, norm(r.impulse), 0.0)))
-        for table, given in tables:
-            for body in (table.a, np.minimum(table.b, run.bodies)):
-                np.add.at(size, (table.k, body), given)
-        return np.asarray(run.h * size[:, self.clump.balls].sum(axis=1))
-
     def _rotation(self) -> tuple[F64, F64]:
         block, s, clump = self.block, self.sums, self.clump
         free, q = flights.of_block(block), self.new[:, 3:7]
@@ -177,7 +183,8 @@ class _Clump:
         value = np.minimum(*(norm(off - psi) for psi in given))
         way = block.dt * self.spin * ratio
         bound = self.rounding * (8.0 + way) * ratio + free.off[:, self.number]
-        turned = clump.reach * (s.shift_size[:, clump.first] + self._by_loads())
+        by_loads = _by_loads(block)[:, clump.balls].sum(axis=1)
+        turned = clump.reach * (s.shift_size[:, clump.first] + by_loads)
         angle = (turned + self._of_balls(norm(s.shift_moments[0]))) / least
         doubt = self._of_balls(s.shift_turned + s.shift_again * solved_again(block)[:, None]) / least
         size = norm(block.rows.position_impulse) * clump.reach + norm(block.rows.position_moment)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, cohesion, flights, groups, reactions, rigid
+from carom.audit import answers, cohesion, groups, reactions, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
@@ -135,7 +135,7 @@ def _balance(block: Block, tally: Tally) -> None:
     ]
     change = motion[1] - motion[0]
     change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
-    turned, turned_slack = flights.energy_of_turning(block)
+    turned, turned_slack = turning.of_block(block)
     change = change - turned
     for load in run.loads:
         if load["kind"] == "spring":
@@ -346,7 +346,7 @@ def rises(run: Run, tally: Tally) -> None:
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
-    bound = bound + flights.risen(run, motion) + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
+    bound = bound + turning.risen(run, motion) + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()

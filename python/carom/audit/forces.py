@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import hits, loads_once
+from carom.audit import flights, hits, loads_once
 from carom.audit.block import Block, Rows, once
 from carom.audit.formula import law
 from carom.audit.vectors import add_at, cross, dot, norm
@@ -100,7 +100,10 @@ def of_contacts(block: Block) -> Sums:
     if run.loads_once:
         arm, unknown, again = loads_once.turns(block, shift)
         first, second = (moment(of, c.moment) for of in loads_once.arms(block))
-        turned_by = first, second
+        off, load = flights.half_way(block), loads_once.of_loads(block).remained
+        ends = off[c.k, c.a], off[c.k, np.minimum(c.b, run.bodies)]
+        levers = collect(cross(ends[0], load), -cross(ends[1], load))
+        turned_by = first + levers, second + levers * run.has_impacts
         shifted_by = (moment(arm, c.position_moment),) * 2
     size, slide = norm(c.impulse), norm(both[0].sliding)
 

@@ -163,6 +163,15 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             r = hits.of_block(block)
             struck = np.sqrt(np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count))
             left = np.maximum(left, 16.0 * (block.tolerance * struck)[k] * compliance(run, a, b)[0])
+        if run.clumps:  # which a contact far from the centre moves more than its impulse over the mass
+            pushed = np.where(run.in_clump, 0.0, run.mass)[:, None] * (
+                block.v1 - block.v0 - run.falls * block.dt[:, None, None]
+            )
+            for number, clump in enumerate(run.clumps):
+                gained = (block.c1 - block.c0)[:, number, 7:10] - run.gravity * block.dt[:, None]
+                pushed[:, clump.first] = clump.mass * gained
+            given = 8.0 * (block.tolerance * np.sqrt(np.nansum(norm(pushed) ** 2, axis=1)))[k]
+            left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
         if run.free_walls:  # of which one may be far heavier than the balls that it presses
             pushed = run.mass[:, None] * (block.v1 - block.v0 - run.falls * block.dt[:, None, None])
             pushed = norm(pushed - of_loads(block).impulse[..., :3])
@@ -189,11 +198,15 @@ def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_islan
 
 
 def _fastest(block: Block) -> F64:
-    """(B,) largest `|v| + r |w|` of a body at either end, m/s."""
+    """(B,) largest `|v| + r |w|` of a body or clump at either end, m/s."""
     speed = np.maximum(
         norm(block.v0) + block.run.radius * norm(block.w0), norm(block.v1) + block.run.radius * norm(block.w1)
     )
-    return np.asarray(np.nan_to_num(speed).max(axis=1))
+    found = np.nan_to_num(speed).max(axis=1)
+    for number, clump in enumerate(block.run.clumps):
+        for row in (block.c0[:, number], block.c1[:, number]):
+            found = np.maximum(found, norm(row[:, 7:10]) + clump.reach * norm(row[:, 10:]))
+    return np.asarray(found)
 
 
 def _load(block: Block) -> F64:

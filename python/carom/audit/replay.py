@@ -259,7 +259,8 @@ class Replay:
         self.scratch[at] = 0.0
         run, r, pairs, lever = self.block.run, self.r.of(rows), self.pairs[1].of(rows), self.lever[rows]
         if run.loads_once:
-            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], ends)
+            middle = [flights.at_half_way(self.block, r.k, r.a, r.b, motion) for motion in ends]
+            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], middle)
         else:
             before, after = (rates(run, pairs, motion, r.normal, lever) for motion in ends)
             found = works.done(self.push[rows], self.slide[rows], r.moment, lever, before, after)
@@ -312,6 +313,10 @@ class Replay:
         ball, moved = (r.b < run.balls)[:, None], (r.b < run.bodies)[:, None]
         of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
         turned_by = -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm
+        if run.loads_once:
+            off, load = flights.half_way(self.block), np.where((r.problem == 0)[:, None], r.impulse, 0.0)
+            of_a[:, 3:] += cross(off[r.k, r.a], load)
+            turned_by -= cross(off[r.k, np.minimum(r.b, run.bodies)], load)
         of_b = np.hstack([-run.taken(r.b, r.impulse), np.where(ball, turned_by, 0.0)])
         return of_a, np.where(moved, of_b, 0.0)
 
@@ -488,7 +493,7 @@ class Replay:
         each = 0.5 * np.einsum("ij,ij,ij->i", self.inertia[at], self.now[at], self.now[at])
         if run.clumps:  # of which each ball has a share
             mine = np.flatnonzero(run.in_clump[at % run.bodies])
-            share = run.rigid.count[run.clump_of[at[mine] % run.bodies]]
+            share = run.rigid.many[run.clump_of[at[mine] % run.bodies]]
             each[mine] = flights.energy_of_balls(block, at[mine], self.now[at[mine]]) / share
         kinetic = np.bincount(at // run.bodies, each, minlength=count) + total(np.where(moving, driven, 0.0))
         given = 2.0 * self.compliance[1][rows] * norm(r.impulse)
@@ -522,6 +527,15 @@ class Replay:
             since = since - np.bincount(
                 self.r.k[anew], self._work_since(anew, motion) * asked[anew], minlength=count
             )
+            # Friction on clumps may take less in an impact than the loads would: restitution alone is held to these.
+            restores = run.restitution(self.law[rows], np.maximum(-before.normal, 0.0)) > 0.0
+            restores &= run.impact_law.restitution != "poisson"
+            of_clumps = np.append(run.in_clump, False)
+            clumped = of_clumps[r.a] | of_clumps[np.minimum(r.b, run.bodies)]
+            loose = (np.bincount(r.k, clumped, minlength=count) > 0) & (
+                np.bincount(r.k, restores, minlength=count) == 0
+            )
+            since = np.where(loose, gained, since)
             gained = np.where(redone, since, np.maximum(gained, since))
         if run.impact_law.restitution == "poisson":
             # An expansion gives back what its compression took.
@@ -537,10 +551,13 @@ class Replay:
     def _work_since(self, rows: slice | I64, motion: F64) -> F64:
         """(K,) works of rows by the mean of the velocities that the loads have left and those of a `motion`."""
         a, b = (of[rows] for of in self.at)
+        r, run = self.r.of(rows), self.block.run
+        if run.loads_once and len(r) and r.problem[0] == 0:
+            ends = [(of[a, :3], of[a, 3:], of[b, :3], of[b, 3:]) for of in (self.loaded, motion)]
+            middle = [flights.at_half_way(self.block, r.k, r.a, r.b, of) for of in ends]
+            pairs = self.pairs[1].of(rows)
+            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], middle)
+            return np.asarray(found.sum(axis=1))
         first, last = (self._rates(rows, (of[a], of[b])) for of in (self.loaded, motion))
-        moment = self.r.moment[rows]
-        if self.block.run.loads_once:
-            stated = loads_once.along_mean(moment, self.first[rows], self.r.normal[rows]).stated
-            moment = np.where((self.r.problem[rows] == 0)[:, None], stated, moment)
-        found = works.done(self.push[rows], self.slide[rows], moment, self.lever[rows], first, last)
+        found = works.done(self.push[rows], self.slide[rows], r.moment, self.lever[rows], first, last)
         return np.asarray(found.sum(axis=1))

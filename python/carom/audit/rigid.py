@@ -24,6 +24,8 @@ ORDER = (2, 4, 6, 8, 10, 12)
 """Parts of the rows of the extrapolation (Gragg, Bulirsch and Stoer) that turns a free clump."""
 TURN = 0.2
 """Turn of a free clump in one extrapolation, rad: with six rows its error is below a rounding."""
+MOST = 1000.0
+"""Turn between two frames, rad, beyond which a free flight is not followed."""
 SCHEME = 0.2
 """Error of the turn of a free clump in a step of the scheme, over the seventh power of the turn; four times what is seen."""
 
@@ -68,16 +70,6 @@ class Clump:
         v, w = row[..., 7:10], row[..., 10:13]
         return np.asarray(0.5 * (self.mass * dot(v, v) + dot(w, self.momentum(row[..., 3:7], w))))
 
-    def free(self, q: F64, w: F64, h: F64) -> F64:
-        """Orientations (K, 4) to which it turns without moments in the times `h` (K,)."""
-        momentum = self.momentum(q, w)
-        rate = norm(momentum) / self.inertia.min()
-        with np.errstate(invalid="ignore"):
-            count = int(np.ceil(np.nan_to_num(np.abs(rate * h)).max(initial=0.0) / TURN))
-        for _ in range(count):
-            q = _extrapolated(self, q, momentum, h / count)
-        return q
-
     def scheme(self, w: F64, h: float) -> F64:
         """(K,) rad by which the scheme may be off in the turn of a step `h`, for angular velocities (K, 3)."""
         return np.asarray(SCHEME * np.minimum(norm(w) * h, 1.0) ** 7)
@@ -91,8 +83,9 @@ class Clumps(NamedTuple):
     inertia: F64
     """(C, 3) principal moments."""
     first: I64
-    """(C,) their first balls, and how many they have."""
-    count: I64
+    """(C,) their first balls."""
+    many: I64
+    """(C,) how many balls they have."""
     offsets: F64
     """(N, 3) centres of balls in the principal axes of their clumps, m; 0 of other bodies."""
 
@@ -106,7 +99,7 @@ class Clumps(NamedTuple):
 
     def balls_of(self, number: I64) -> tuple[I64, I64]:
         """All balls of clumps (K,), and which of the K each belongs to: the latter first."""
-        count = self.count[number]
+        count = self.many[number]
         each = np.repeat(np.arange(len(number)), count)
         within = np.arange(len(each)) - np.repeat(np.cumsum(count) - count, count)
         return each, self.first[number][each] + within
@@ -126,11 +119,30 @@ def together(clumps: list[Clump], bodies: int) -> Clumps:
     )
 
 
-def _extrapolated(clump: Clump, q: F64, momentum: F64, h: F64) -> F64:
+def free(inertia: F64, q: F64, w: F64, h: F64) -> F64:
+    """Orientations (K, 4) to which bodies of principal moments (K, 3) turn without moments of force in times (K,), s; not a
+    number where they turn by more than `MOST`.
+    """
+    momentum = rotated(q, inertia * rotated(conjugate(q), w))
+    turn = norm(momentum) / inertia.min(axis=-1, initial=np.inf) * np.abs(h)
+    with np.errstate(invalid="ignore"):
+        parts = np.maximum(np.ceil(np.nan_to_num(np.minimum(turn, MOST)) / TURN), 1.0).astype(np.int64)
+    found = q.copy()
+    for count in np.unique(parts):
+        rows = np.flatnonzero(parts == count)
+        end, step = q[rows], h[rows] / count
+        for _ in range(count):
+            end = _extrapolated(inertia[rows], end, momentum[rows], step)
+        found[rows] = end
+    found[turn > MOST] = np.nan
+    return found
+
+
+def _extrapolated(inertia: F64, q: F64, momentum: F64, h: F64) -> F64:
     """A part of a free turn, from midpoint rules with several numbers of parts."""
 
     def rate(at: F64) -> F64:
-        own = rotated(conjugate(at), momentum) / clump.inertia
+        own = rotated(conjugate(at), momentum) / inertia
         return np.asarray(0.5 * product(at, np.concatenate([np.zeros((*own.shape[:-1], 1)), own], axis=-1)))
 
     table: list[list[F64]] = []

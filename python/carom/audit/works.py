@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, forces, groups, loads_once
+from carom.audit import answers, flights, forces, groups, loads_once
 from carom.audit.block import Block, Rows
 from carom.audit.centres import at_walls
 from carom.audit.data import Run
@@ -92,7 +92,8 @@ def judge(block: Block, tally: Tally) -> None:
     impulse, first, values = c.impulse[rows], block.start[1][rows], []
     if run.loads_once:
         first = loads_once.firsts(block)[rows]
-        found = along_mean(run, pairs, impulse, moment, first, [start[0], end])
+        middle = [flights.at_half_way(block, k, a, b, motion) for motion in (start[0], end)]
+        found = along_mean(run, pairs, impulse, moment, first, middle)
         values.append(np.abs(c.work[rows] - found).max(axis=1))
     else:
         for part, begun in zip(forces.split(impulse, normal, first), start, strict=True):
@@ -115,4 +116,4 @@ def bound(block: Block, r: Rows | Hits) -> F64:
     fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * spin + norm(run.gravity) * run.h
     at = fast[r.k, r.a] + fast[r.k, other] + own[1] * push
     left = 2.0 * own[1] * block.left(norm(block.rows.impulse))[r.k]
-    return np.asarray(push * (256.0 * EPS * at + left) + 1e-300)
+    return np.asarray(push * (256.0 * EPS * at + left) + 1e-250)

@@ -1,0 +1,64 @@
+"""By how much the energy of clumps changes as they turn with their angular momenta held.
+
+Contacts turn clumps at the position level, and the scheme turns free ones not quite as their energy asks. Turned by an
+angle, a clump has at most that much of `L^2 (1/J_min - 1/J_max)/2` more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carom.arrays import F64
+from carom.audit import flights, forces, rigid
+from carom.audit.block import Block
+from carom.audit.data import Run
+from carom.audit.vectors import EPS, norm
+
+
+def of_block(block: Block) -> tuple[F64, F64]:
+    """(B, N) by how much the energy of clumps changes in the step as they turn, where their angular momenta stay, and how
+    far that may be off, J: exact where the interval is one whole step. It is of the first ball of each.
+    """
+    run = block.run
+    found, off = np.zeros((2, block.count, run.bodies))
+    for number, clump in enumerate(run.clumps):
+        old, new = block.c0[:, number], block.c1[:, number]
+        exact = rigid.turned_energy(clump, old, new)
+        momenta = [norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in (old, new)]
+        pushed, turned = (of[:, clump.balls] for of in (forces.pushes(block)[0], forces.shifts(block)[1]))
+        largest = np.maximum(*momenta) + clump.reach * pushed.max(axis=1)
+        angle = np.minimum(turned.max(axis=1) + flights.of_block(block).off[:, number], np.pi)
+        most = 0.5 * largest**2 * (1.0 / clump.inertia.min() - 1.0 / clump.inertia.max()) * angle
+        found[:, clump.first] = np.where(block.single, exact, 0.0)
+        off[:, clump.first] = np.where(block.single, 0.0, most)
+    return found, off
+
+
+def risen(run: Run, motion: F64) -> F64:
+    """(S,) by how much the energy of clumps may rise in each step as they turn (`of_block`), J; `motion` (S,) is
+    the kinetic energy. Without the frames of a step: contacts correct places by at most the way of a step.
+    """
+    found = np.zeros(len(motion))
+    if not run.clumps:
+        return found
+    touched = run.steps["contacts"] > 0
+    lightest = run.mass[run.in_clump].min()
+    for clump in run.clumps:
+        least, most = clump.inertia.min(), clump.inertia.max()
+        fastest = np.sqrt(2.0 * motion / least)
+        angle = np.where(touched, run.h * np.sqrt(2.0 * motion / lightest * clump.mass / least), 0.0)
+        angle = angle + rigid.SCHEME * np.minimum(run.h * fastest, 1.0) ** 7
+        found += motion * (most / least - 1.0) * np.minimum(angle, 1.0)
+    whole = np.flatnonzero((np.diff(run.step) == 1) & ~run.cut[run.step[1:] - 1])
+    exact = np.zeros(len(motion))
+    size = max(1, 100_000 // len(run.clumps))
+    for first in range(0, len(whole), size):
+        mine = whole[first : first + size]
+        rows = run.motion_of_clumps(slice(int(mine[0]), int(mine[-1]) + 2))
+        old, new = rows[mine - mine[0]], rows[mine - mine[0] + 1]
+        for number, clump in enumerate(run.clumps):
+            gained = rigid.turned_energy(clump, old[:, number], new[:, number])
+            exact[run.step[mine]] += gained
+    at = run.step[whole]
+    found[at] = np.maximum(exact[at], 0.0) + 64.0 * EPS * motion[at]
+    return found
