@@ -7,7 +7,7 @@
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::outcome::Failure;
-use crate::rotation::advance;
+use crate::rotation::{advance, increment};
 use crate::rows::Rows;
 use crate::scratch::Scratch;
 use crate::state::State;
@@ -102,7 +102,7 @@ impl Clump {
         let mut to = q;
         let mut twist = |[axis, rate]: [DVec3; 2], h: f64| {
             let along = axis.dot(to.inverse() * momentum);
-            to = (to * DQuat::from_scaled_axis(along * h * rate)).normalize();
+            to = (to * advance(along * h * rate, DQuat::IDENTITY)).normalize();
         };
         for share in COMPOSITION {
             let h = share * h;
@@ -110,7 +110,7 @@ impl Clump {
             twist(a, h);
             twist(c, 0.5 * h);
         }
-        (DQuat::from_scaled_axis(h / mean * momentum) * to).normalize()
+        advance(h / mean * momentum, to)
     }
 }
 
@@ -266,7 +266,7 @@ pub(crate) fn predict(
         let momentum = clump.momentum(q, w);
         let to = clump.free_turn(q, momentum, h);
         let (end, turn) = (clump.turning(to, momentum), to * q.inverse());
-        let turn = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
+        let turn = increment(turn);
         let most = w.length().max(end.length()) * h;
         if most > TOO_FAR {
             let (ball, reach) = (clump.balls.start as u32, model.radius[i]);

@@ -56,6 +56,20 @@ pub fn advance(rot_incr_world: DVec3, q: DQuat) -> DQuat {
     DQuat::from_xyzw(scale * u.x, scale * u.y, scale * u.z, scale * w)
 }
 
+/// The increment `psi` of a rotation `exp(psi)`, the shorter way.
+pub fn increment(q: DQuat) -> DVec3 {
+    let q = if q.w < 0.0 { -q } else { q };
+    let v = DVec3::new(q.x, q.y, q.z);
+    let sine = v.length();
+    // Of small turns the ratio is 2, however small they are.
+    let ratio = if sine > 1e-6 {
+        2.0 * sine.atan2(q.w) / sine
+    } else {
+        2.0 / q.w
+    };
+    ratio * v
+}
+
 /// `T(psi)^T w` with the left Jacobian `T` of the exponential map: `d exp(psi) exp(psi)^T = (T dpsi)~`.
 pub fn transposed_left_jacobian(psi: DVec3, w: DVec3) -> DVec3 {
     let x = psi.length_squared();

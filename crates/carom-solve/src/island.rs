@@ -57,7 +57,7 @@ const MEMORY: usize = 5;
 /// Iterations (1) that do not halve the least merit after which steps are halved. Small: steps across a change of status take more
 /// iterations; large: circles of two statuses of 3 to 9 contacts are left to the next rung.
 const PATIENCE: u32 = 6;
-/// Iterations (1) that do not halve the least residual after which Newton's method leaves an island to the next rung. Small: what would have
+/// Iterations (1) that do not halve the least residual after which Newton's method leaves an island of clumps to the next rung. Small: what would have
 /// converged is solved twice; large: hyperstatic islands, in which it goes round in circles, cost all its iterations first.
 const GIVE_UP: u32 = 15;
 /// Relative residual (1) above which a solved island takes one more step. Small: steps of small islands take an iteration more; large:
@@ -219,10 +219,12 @@ impl Newton {
         self.history.clear();
     }
 
-    fn set_penalty(&mut self, system: &RowSystem, scale: f64) {
+    /// Whether rows of friction differ by more than those of spheres do.
+    fn set_penalty(&mut self, system: &RowSystem, scale: f64) -> bool {
         for (p, d) in self.at.penalty.iter_mut().zip(&system.diag) {
             *p = scale / d;
         }
+        let mut uneven = false;
         for c in system.contacts.iter().filter(|c| !c.bilateral) {
             let discs = [c.bounds.sliding, c.bounds.rolling].map(|bound| bound > 0.0);
             let mut row = c.row as usize + 1;
@@ -231,10 +233,12 @@ impl Newton {
                 let [least, most] = [both[0].min(both[1]), both[0].max(both[1])];
                 if most > (1.0 + UNEVEN) * least {
                     both.fill(least);
+                    uneven = true;
                 }
                 row += 2;
             }
         }
+        uneven
     }
 
     /// Newton's method, and nothing else where normal impulses are `held` at a least.
@@ -245,7 +249,7 @@ impl Newton {
         x: &mut [f64],
     ) -> SolveReport {
         let options = on.options;
-        self.set_penalty(on.system, options.penalty_scale);
+        let uneven = self.set_penalty(on.system, options.penalty_scale);
         // Loads couple nodes beyond the contacts: the nodes count.
         let dense = if on.system.has_load() {
             on.system.nodes() <= DENSE_NODES
@@ -276,7 +280,7 @@ impl Newton {
             report: SolveReport::default(),
             best: f64::INFINITY,
             since_better: 0,
-            may_give_up: options.sweeps > 0 && !held,
+            may_give_up: options.sweeps > 0 && !held && uneven,
         };
         let [mut iterations, line_search] = steps.iterate(&mut run, x, &rule);
         // Not where Newton's method alone is asked for: its iterations are the paper's then.
