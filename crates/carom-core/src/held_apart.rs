@@ -1,7 +1,7 @@
 //! Pairs of spheres of one clump, and those whose joints keep their centres at one distance, or join them where they touch. They have no contact:
 //! joints hold its normal already, so that nothing would determine its force (`docs/theory/algorithm.md`, section 7).
 
-use crate::clump::Clump;
+use crate::clump::body::Clump;
 use crate::joint::{outer, Joint, JointRow, RowKind};
 use carom_laws::Scalar;
 use carom_solve::clusters::{apart, Forest};

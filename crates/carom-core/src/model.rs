@@ -1,6 +1,6 @@
 //! What is simulated: compiled, immutable, arrays and integer ids.
 
-use crate::clump::Clump;
+use crate::clump::body::Clump;
 use crate::flow::Flow;
 use crate::force::Load;
 use crate::held_apart::HeldApart;

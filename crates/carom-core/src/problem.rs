@@ -4,7 +4,7 @@
 //! multipliers of the step solve `u = M^-1 (G^T r + b), z = G u + q` to the tolerance of the step. Every contact has all six
 //! rows (N, T1, T2, R1, R2, S); one that the step did not need has the bound 0. Nothing is computed unless it was asked for.
 
-use crate::clump::Clumps;
+use crate::clump::places::Clumps;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::outcome::Level;

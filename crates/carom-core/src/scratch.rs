@@ -1,6 +1,6 @@
 //! What can be recomputed: allocated once, reused in every step.
 
-use crate::clump::Clumps;
+use crate::clump::places::Clumps;
 use crate::contact::Contact;
 use crate::flow::Exchange;
 use crate::force::LoadError;

@@ -1,6 +1,6 @@
 //! What the solve of an island reads and writes: parts of the step's memory, or memory of a thread.
 
-use crate::clump::Clumps;
+use crate::clump::places::Clumps;
 use crate::contact::Contact;
 use crate::impact::ImpactScratch;
 use crate::islands::Island;

@@ -2,7 +2,7 @@
 
 use crate::arrays::{ids, item, rows};
 use crate::coupling::{law, list, refuse, three_laws, vector};
-use carom_core::clump::ClumpInput;
+use carom_core::clump::body::ClumpInput;
 use carom_core::wall::{Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
 use carom_core::wall::{FreeWallInput, WallMotion, WallRotation};
 use glam::DVec3;

@@ -1,9 +1,10 @@
 """Laws of clumps (`rigid`): their balls move as one body, and momentum, angular momentum and ways follow from its contacts.
 
-    M (v' - v) = M g dt + sum Lambda          L' - L = sum d' x Lambda + moments of the balls about their centres
+    M (v' - v) = M g dt + sum Lambda          L' - R_c L = sum d' x Lambda + moments of the balls about their centres
     x' = x + dt v + dt^2 g/2 + sum nu/M       R' = exp(psi) R_free,  psi = J^-1 (sum d x nu + moments)
 
-over the contacts of all balls of a clump, with `R_free` of free flight (`flights`). Levers `d'` are those of the end of the
+over the contacts of all balls of a clump, with `R_free` of free flight (`flights`). `R_c` is the turn by what corrects
+positions: it takes the angular velocity along, and is known to a bound. Levers `d'` are those of the end of the
 step, of loads those half-way. The turn by contacts is known to the product of both turns, of which each may be the first.
 Over several steps levers turn by no more than the clump. It is where its impulses, each at any time, can have brought it.
 """
@@ -138,8 +139,8 @@ class _Clump:
 
     def _spin(self) -> tuple[F64, F64]:
         block, s, clump = self.block, self.sums, self.clump
-        change = self.momenta[1] - self.momenta[0]
-        value = np.minimum(*(norm(change - self._moment(s.impulse, own)) for own in s.moments))
+        angle = self._corrected()
+        value = np.minimum(*(self._off(self._moment(s.impulse, own), angle) for own in s.moments))
         pushed = s.size[:, clump.balls] @ self.offset
         size = 2.0 * clump.inertia.max() * self.spin + pushed + self._of_balls(s.moment_size)
         size = size + np.where(self.touched, clump.reach * largest(block)[:, 0], 0.0)
@@ -154,6 +155,23 @@ class _Clump:
         angle = np.where(block.single, 0.0, np.minimum(self._rate() * block.dt, 2.0))
         struck = np.maximum(pushed * (1.0 + 2.0 * mu), forces.strokes(block)[0][:, clump.first] * clump.reach)
         return value, bound + angle * struck
+
+    def _off(self, given: F64, angle: F64) -> F64:
+        """(B,) by how much the momentum before impacts is off, that at the end less what contacts gave: its size, and its
+        direction beyond the angle by which corrections of positions may have turned it.
+        """
+        before, size = self.momenta[1] - given, norm(self.momenta[0])
+        beyond = norm(before - self.momenta[0]) - angle * size
+        return np.maximum(np.abs(norm(before) - size), beyond)
+
+    def _corrected(self) -> F64:
+        """(B,) by how much corrections of positions may turn it at most, rad."""
+        s, clump = self.sums, self.clump
+        turned = clump.reach * (
+            s.shift_size[:, clump.first] + _by_loads(self.block)[:, clump.balls].sum(axis=1)
+        )
+        angle = (turned + self._of_balls(norm(s.shift_moments[0]))) / clump.inertia.min()
+        return np.where(self.touched, angle, 0.0)
 
     def _rate(self) -> F64:
         """(B,) how fast it turns at most, rad/s."""

@@ -74,15 +74,6 @@ def speeds_of_turning(block: Block) -> F64:
     return found
 
 
-@once
-def turned_on(block: Block) -> tuple[F64, F64]:
-    """(B, N, 3) velocities and angular velocities of balls of clumps, of the first frames at the places of the second."""
-    rows = block.c1.copy()
-    rows[..., 7:] = block.c0[..., 7:]
-    found = rigid.placed(block.run, block.x1, block.q1, rows)
-    return found[2], found[3]
-
-
 def energy_of_balls(block: Block, at: I64, motion: F64) -> F64:
     """(M,) kinetic energy of the clumps, at the places of the second frames, of which balls have the `motion` (M, 6), J;
     `at` is interval times N plus ball.

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, bounds, compression, flights, forces, loads_once, works
+from carom.audit import answers, bounds, compression, flights, forces, loads_once, turning, works
 from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
@@ -126,7 +126,7 @@ class Replay:
         )
         # Impact problems have clumps where the step ends: so they have their velocities of its start.
         self.old[(every[:, None] * run.bodies + np.flatnonzero(run.in_clump)).ravel()] = np.concatenate(
-            flights.turned_on(block), axis=-1
+            turning.turned_on(block), axis=-1
         )[:, run.in_clump].reshape(-1, 6)
         self.scratch = np.zeros_like(self.now)
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.

@@ -219,7 +219,7 @@ def sizes(run: Run, x: F64, v: F64, w: F64, rows: F64) -> F64:
 
 def turned_energy(clump: Clump, old: F64, new: F64) -> F64:
     """(...,) by how much the energy of turning with the angular momentum of rows `old` (..., 13) changes to the orientations
-    of rows `new`, J: contacts turn a clump at the position level, where its angular momentum stays.
+    of rows `new`, J: loads turn a clump while its angular momentum stays.
     """
     momentum = clump.momentum(old[..., 3:7], old[..., 10:13])
     ends = [dot(momentum, clump.turning(row[..., 3:7], momentum)) for row in (old, new)]

@@ -1,7 +1,8 @@
-"""By how much the energy of clumps changes as they turn with their angular momenta held.
+"""The angular momenta of clumps before the impacts of a step, and what the energy changes by as clumps turn.
 
-Contacts turn clumps at the position level, and the scheme turns free ones not quite as their energy asks. Turned by an
-angle, a clump has at most that much of `L^2 (1/J_min - 1/J_max)/2` more.
+Loads turn a clump while its angular momentum stays. What corrects positions turns its angular velocity along, so that the
+momentum turns with it and keeps its size. What is before impacts is what is after them less what contacts gave. Turned by
+an angle, a clump has at most that much of `L^2 (1/J_min - 1/J_max)/2` more.
 """
 
 from __future__ import annotations
@@ -10,9 +11,42 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.audit import flights, forces, rigid
-from carom.audit.block import Block
+from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.vectors import EPS, norm
+from carom.audit.vectors import EPS, cross, dot, norm
+
+
+@once
+def momenta(block: Block) -> F64:
+    """(B, C, 3) angular momenta before impacts, N m s; at first where contacts are unknown, or of several steps."""
+    run, sums = block.run, forces.of_contacts(block)
+    found = np.zeros((block.count, len(run.clumps), 3))
+    for number, clump in enumerate(run.clumps):
+        old, new, b = block.c0[:, number], block.c1[:, number], clump.balls
+        first = clump.momentum(old[:, 3:7], old[:, 10:])
+        last = clump.momentum(new[:, 3:7], new[:, 10:])
+        lever = clump.levers(new)
+        given = [(cross(lever, sums.impulse[:, b]) + own[:, b]).sum(axis=1) for own in sums.moments]
+        before = [last - moment for moment in given]
+        nearer = norm(before[0]) - norm(first), norm(before[1]) - norm(first)
+        one = np.abs(nearer[0]) <= np.abs(nearer[1])
+        both = np.where(one[:, None], before[0], before[1])
+        known = block.single & run.has_contacts & block.kept
+        found[:, number] = np.where(known[:, None], both, first)
+    return found
+
+
+@once
+def turned_on(block: Block) -> tuple[F64, F64]:
+    """(B, N, 3) velocities and angular velocities of balls of clumps, of the first frames at the places of the second, with
+    the angular velocities before impacts: impact problems have them so.
+    """
+    rows = block.c1.copy()
+    rows[..., 7:10] = block.c0[..., 7:10]
+    for number, clump in enumerate(block.run.clumps):
+        rows[:, number, 10:] = clump.turning(rows[:, number, 3:7], momenta(block)[:, number])
+    found = rigid.placed(block.run, block.x1, block.q1, rows)
+    return found[2], found[3]
 
 
 def of_block(block: Block) -> tuple[F64, F64]:
@@ -23,10 +57,12 @@ def of_block(block: Block) -> tuple[F64, F64]:
     found, off = np.zeros((2, block.count, run.bodies))
     for number, clump in enumerate(run.clumps):
         old, new = block.c0[:, number], block.c1[:, number]
-        exact = rigid.turned_energy(clump, old, new)
-        momenta = [norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in (old, new)]
+        before, first = momenta(block)[:, number], clump.momentum(old[:, 3:7], old[:, 10:])
+        exact = 0.5 * dot(before, clump.turning(new[:, 3:7], before))
+        exact = exact - 0.5 * dot(first, clump.turning(old[:, 3:7], first))
+        sizes = [norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in (old, new)]
         pushed, turned = (of[:, clump.balls] for of in (forces.pushes(block)[0], forces.shifts(block)[1]))
-        largest = np.maximum(*momenta) + clump.reach * pushed.max(axis=1)
+        largest = np.maximum(*sizes) + clump.reach * pushed.max(axis=1)
         angle = np.minimum(turned.max(axis=1) + flights.of_block(block).off[:, number], np.pi)
         most = 0.5 * largest**2 * (1.0 / clump.inertia.min() - 1.0 / clump.inertia.max()) * angle
         found[:, clump.first] = np.where(block.single, exact, 0.0)

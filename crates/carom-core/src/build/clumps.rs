@@ -1,7 +1,7 @@
 //! Clumps from their description, and the masses and sizes of all bodies.
 
 use crate::build::ModelInput;
-use crate::clump::Clump;
+use crate::clump::body::Clump;
 use crate::options::{Method, Options};
 use crate::outcome::{entry, finite, positive, ModelError};
 use crate::wall::{self, FreeWall};

@@ -6,7 +6,7 @@ mod model;
 mod periodic;
 mod state;
 
-use crate::clump::ClumpInput;
+use crate::clump::body::ClumpInput;
 use crate::flow::{Inflow, Outlet};
 use crate::force::Load;
 use crate::joint::Joint;

@@ -2,7 +2,7 @@
 
 use super::clumps::{self, owners, Bodies};
 use super::{flow, ModelInput};
-use crate::clump::quaternion;
+use crate::clump::body::quaternion;
 use crate::force::Dependence;
 use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};

@@ -1,7 +1,7 @@
 //! Measures of the position level as functions of the correction: gaps, increments, joints, and loads that depend on positions.
 
 use super::coupling::{position_rows, Trial};
-use crate::clump::ClumpPositions;
+use crate::clump::places::ClumpPositions;
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;

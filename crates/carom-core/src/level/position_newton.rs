@@ -2,7 +2,7 @@
 
 use super::position_measures::{CoupledPositions, Positions};
 use super::{newton_options, position_floor, worst_group, Demand, Task};
-use crate::clump::{ClumpPositions, Clumps};
+use crate::clump::places::{ClumpPositions, Clumps};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;

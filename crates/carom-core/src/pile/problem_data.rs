@@ -2,7 +2,7 @@
 
 use super::closed_contact::ClosedContact;
 use super::record;
-use crate::clump::Clumps;
+use crate::clump::places::Clumps;
 use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::model::Model;

@@ -27,7 +27,7 @@ impl Newton {
         x: &mut [f64],
     ) -> SolveReport {
         let mut total = SolveReport::default();
-        let _ = self.set_penalty(on.system, on.options.penalty_scale);
+        self.set_penalty(on.system, on.options.penalty_scale);
         let rows = on.system.rows();
         let Some(friction) = on.options.companion else {
             return total;

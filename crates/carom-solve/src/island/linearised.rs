@@ -28,7 +28,7 @@ impl Newton {
     ) -> SolveReport {
         let (options, large) = (on.options, on.is_large());
         let mut total = SolveReport::default();
-        let _ = self.set_penalty(on.system, options.penalty_scale);
+        self.set_penalty(on.system, options.penalty_scale);
         let mut tolerance = LINEAR_SHARE * options.tolerance;
         let mut rounding = LINEAR_ROUNDINGS * options.rounding;
         let (mut before, mut exact) = (f64::INFINITY, true);

@@ -1,0 +1,157 @@
+//! Clumps as they stand within a step: levers of their balls, rows over their nodes.
+
+use super::body::Clump;
+use crate::contact::Contact;
+use crate::model::Model;
+use crate::rotation::advance;
+use crate::rows::Rows;
+use crate::state::State;
+use crate::stepper::Prediction;
+use carom_solve::rows::NODE_DOF;
+use glam::{DMat3, DQuat, DVec3};
+
+/// The clumps of a step as they stand at the positions of the level at hand. Empty without clumps.
+#[derive(Clone, Debug, Default)]
+pub struct Clumps {
+    /// Centres of all balls from the centre of mass of their clump, m; 0 where they have none.
+    pub(super) lever: Vec<DVec3>,
+    /// The same half-way between both ends of the step.
+    middle: Vec<DVec3>,
+    pub orientation: Vec<DQuat>,
+    /// At which the loads were solved, and where these have turned them.
+    pub(super) at_loads: Vec<DQuat>,
+    pub(super) by_loads: Vec<DQuat>,
+    /// `S` of each clump, and its inverse.
+    scale: Vec<[DMat3; 2]>,
+}
+
+impl Clumps {
+    pub fn new(model: &Model) -> Clumps {
+        let (balls, count) = match model.clumps.len() {
+            0 => (0, 0),
+            count => (model.balls(), count),
+        };
+        Clumps {
+            lever: vec![DVec3::ZERO; balls],
+            middle: vec![DVec3::ZERO; balls],
+            orientation: vec![DQuat::IDENTITY; count],
+            at_loads: vec![DQuat::IDENTITY; count],
+            by_loads: vec![DQuat::IDENTITY; count],
+            scale: vec![[DMat3::IDENTITY; 2]; count],
+        }
+    }
+
+    /// Turns a clump from its orientation at t_n to another one.
+    pub(super) fn put(&mut self, clump: &Clump, number: usize, [from, to]: [DQuat; 2]) {
+        self.orientation[number] = to;
+        self.scale[number] = clump.scales(to);
+        // Of both signs of a quaternion the nearer one.
+        let near = if from.dot(to) < 0.0 { -from } else { from };
+        let middle = (near + to).normalize();
+        for (ball, offset) in clump.balls.clone().zip(&clump.offsets) {
+            self.lever[ball] = to * *offset;
+            self.middle[ball] = middle * *offset;
+        }
+    }
+
+    /// How far (rad) the clump of a ball has turned since the loads were solved; 0 of what belongs to none.
+    pub fn turned_since_loads(&self, model: &Model, ball: u32) -> f64 {
+        model.clump_of(ball).map_or(0.0, |k| {
+            let turn = self.orientation[k] * self.at_loads[k].inverse();
+            2.0 * turn.xyz().length()
+        })
+    }
+
+    /// Jacobian rows of a contact over the nodes of its bodies, with the given normal ([`Contact::rows`]); returns their number.
+    #[inline]
+    pub fn rows(&self, model: &Model, c: &Contact, normal: DVec3, rows: &mut Rows) -> usize {
+        let count = c.rows(model, normal, rows);
+        self.fold_rows(model, c, &self.lever, &mut rows[..count]);
+        count
+    }
+
+    /// Those along which loads act ([`Contact::middle`]): clumps too stand half-way between both ends of the step.
+    #[inline]
+    pub fn middle_rows(&self, model: &Model, c: &Contact, rows: &mut Rows) {
+        let middle = c.middle();
+        let count = middle.rows(model, middle.n1, rows);
+        self.fold_rows(model, c, &self.middle, &mut rows[..count]);
+    }
+
+    #[inline]
+    fn fold_rows(
+        &self,
+        model: &Model,
+        c: &Contact,
+        levers: &[DVec3],
+        rows: &mut [[[f64; NODE_DOF]; 2]],
+    ) {
+        if !self.orientation.is_empty() {
+            for (side, ball) in [(0, c.a), (1, c.b)] {
+                if let Some(clump) = model.clump_of(ball) {
+                    let lever = levers[ball as usize];
+                    rows.iter_mut()
+                        .for_each(|row| self.fold(clump, lever, &mut row[side]));
+                }
+            }
+        }
+    }
+
+    /// A gradient over the velocities of a ball as one over those of the node of its clump.
+    pub fn fold(&self, clump: usize, lever: DVec3, row: &mut [f64; NODE_DOF]) {
+        let (v, w) = parts(row);
+        let turn = self.scale[clump][0] * (w + lever.cross(v));
+        row[3..].copy_from_slice(&turn.to_array());
+    }
+
+    /// Velocities of a body as those of its node, and of a node as those of its body.
+    #[inline]
+    pub fn to_node(&self, model: &Model, body: u32, motion: [DVec3; 2]) -> [DVec3; 2] {
+        self.scaled(model, body, motion, 1)
+    }
+
+    #[inline]
+    pub fn from_node(&self, model: &Model, body: u32, motion: [DVec3; 2]) -> [DVec3; 2] {
+        self.scaled(model, body, motion, 0)
+    }
+
+    #[inline]
+    fn scaled(&self, model: &Model, body: u32, [v, w]: [DVec3; 2], which: usize) -> [DVec3; 2] {
+        match model.as_clump(body) {
+            Some(clump) => [v, self.scale[clump][which] * w],
+            None => [v, w],
+        }
+    }
+}
+
+/// Both halves of a row.
+fn parts(row: &[f64; NODE_DOF]) -> (DVec3, DVec3) {
+    (
+        DVec3::new(row[0], row[1], row[2]),
+        DVec3::new(row[3], row[4], row[5]),
+    )
+}
+
+/// Positions of balls of an island at the position level, by the corrections `u` of its nodes.
+pub(crate) struct ClumpPositions<'a> {
+    pub model: &'a Model,
+    pub state: &'a State,
+    pub clumps: &'a Clumps,
+    pub angular: &'a [Prediction],
+    /// What the loads have moved them by since the smooth step.
+    pub load_shift: &'a [[DVec3; 2]],
+}
+
+impl ClumpPositions<'_> {
+    /// Centre of a ball from that of its clump, whose node has the correction `u`; none of what belongs to no clump.
+    pub fn lever(&self, ball: u32, u: &[f64]) -> Option<(usize, DVec3)> {
+        let number = self.model.clump_of(ball)?;
+        let clump = &self.model.clumps[number];
+        let i = self.model.balls() + number;
+        let [_, by_loads] = self.load_shift.get(i).copied().unwrap_or_default();
+        let own = self.clumps.scale[number][0] * DVec3::new(u[3], u[4], u[5]);
+        let turn = self.angular[i].displacement + by_loads + own;
+        let q = advance(turn, self.state.orientation[i]);
+        Some((number, q * clump.offsets[ball as usize - clump.balls.start]))
+    }
+}
