@@ -591,8 +591,19 @@ def _force(*_: Any) -> np.ndarray:
     return np.zeros((1, 6))
 
 
+def _rods(**keys: Any) -> Any:
+    rod = [[0, 0, 0, 0.1], [0.1, 0, 0, 0.1]]
+    region = {"low": (2, 2, 2), "high": (3, 3, 3)}
+    return _scene().clump_packing("rod", spheres=rod, material="m", density=1, seed=1, **region, **keys)
+
+
 #: The same of mistakes that only calls can make: cause -> (part of the place, the call).
 CALLED: dict[str, tuple[str, Callable[[], Any]]] = {
+    "... is not within 0 and ...: what is packed are balls about the clumps": (
+        "fraction",
+        lambda: _rods(fraction=0.9),
+    ),
+    "balls about the clumps, of ... times their volume, do not fit: ...": ("count", lambda: _rods(count=500)),
     "unknown keyword": (
         "Scene.sphere",
         lambda: _scene().sphere("b", radius=1, mass=1, at=(3, 0, 0), material="m", colour=1),  # type: ignore[call-arg]
