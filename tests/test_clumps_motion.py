@@ -366,3 +366,12 @@ def test_what_turns_far_in_a_step_hits_all_the_same() -> None:
     result = carom.simulate(made, step=1e-3, until=0.002, every=1)
     assert np.linalg.norm(result.velocity[-1, 0]) > 1.0  # the ball was hit
     assert np.asarray(result.steps["substeps"])[0] >= 2
+
+
+def test_what_turns_too_far_for_any_part_of_a_step_is_told() -> None:
+    made = scene(gravity=0.0, floor=False)
+    made.clump(
+        "rod", spheres=ROD, material="steel", density=7800, position=(0, 0, 0), angular_velocity=(0, 0, 9e4)
+    )
+    with pytest.raises(carom.CaromError, match="too fast at step 1, t = 0.001 s at rod1 .it turns at"):
+        carom.simulate(made, step=1e-3, until=0.003)

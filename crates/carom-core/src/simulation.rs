@@ -419,7 +419,12 @@ impl Simulation {
                 length,
             } => {
                 out.bodies = pair(bodies);
-                out.message = Some(self.too_fast(travel, length));
+                // A clump that turns too far is alone.
+                let how = match bodies.0 == bodies.1 {
+                    true => "it turns",
+                    false => "they meet",
+                };
+                out.message = Some(self.too_fast(how, travel, length));
             }
             Failure::BlowUp(what) => {
                 out.bodies = pair(what.bodies);
@@ -473,12 +478,12 @@ impl Simulation {
     }
 
     /// `travel` (m) in the smallest part of a step against a radius of `length` (m).
-    fn too_fast(&self, travel: f64, length: f64) -> String {
+    fn too_fast(&self, how: &str, travel: f64, length: f64) -> String {
         let o = &self.model.options;
         let part = o.step / f64::from(1u32 << o.max_halvings);
         let speed = travel / part;
         format!(
-            "they meet at {speed:.3e} m/s: {:.3e} radii in {part:.3e} s, the smallest part of a step; take a step of \
+            "{how} at {speed:.3e} m/s: {:.3e} radii in {part:.3e} s, the smallest part of a step; take a step of \
              {:.1e} s or less",
             travel / length,
             0.5 * length / speed,

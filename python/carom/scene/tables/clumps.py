@@ -186,7 +186,7 @@ def _six(inertia: tuple[float, ...]) -> Six:
     return a, b, c, d, e, f
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=1 << 17)
 def _rigid(
     spheres: tuple[tuple[float, float, float, float], ...],
     mass: float | None,
