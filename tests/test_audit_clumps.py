@@ -236,3 +236,29 @@ def test_a_file_without_the_motion_of_its_clumps_is_refused(runs: dict[str, Path
 
     with pytest.raises(carom.CaromError, match="frames/clumps"):
         audit.check(planted(runs["thrown"], tmp_path / "run", edit))
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+def test_a_clump_on_a_pile_that_is_swept(restitution: float, tmp_path: Path) -> None:
+    """Islands of balls alone are swept beside one with a clump, whose impacts are rows of their own."""
+    scene = carom.Scene(gravity=(0, 0, -9.81))
+    scene.contact("glass", "glass", friction=0.5, restitution=restitution)
+    scene.box("box", low=(0, 0, 0), high=(0.06, 0.06, 0.2), open=["high_z"], material="glass")
+    scene.packing(
+        "g",
+        material="glass",
+        density=2500,
+        seed=1,
+        count=100,
+        diameter=0.01,
+        low=(0, 0, 0),
+        high=(0.06, 0.06, 0.06),
+    )
+    rod = [[-0.005, 0, 0, 0.005], [0.005, 0, 0, 0.005]]
+    scene.clump("rod", spheres=rod, material="glass", density=2500, position=(0.03, 0.03, 0.09))
+    result = carom.simulate(
+        scene, step=5e-4, until=0.1, every=1, contacts=True, pile_tolerance=1e-6, out=tmp_path / "run"
+    )
+    assert np.asarray(result.steps["sweeps_velocity"]).max() > 0
+    report = audit.check(tmp_path / "run")
+    assert report.ok, report.findings

@@ -222,14 +222,14 @@ class Block:
     @cached_property
     def piled(self) -> Bool:
         """(B,) intervals in which an island may have been solved as a pile at the position level, where all pairs that are
-        looked at count; none with clumps.
+        looked at count; islands with clumps are none, but which these are is not recorded.
         """
-        return np.asarray(self.over(self.run.steps["candidates"]) > self.least) & (not self.run.clumps)
+        return np.asarray(self.over(self.run.steps["candidates"]) > self.least)
 
     @cached_property
     def cascaded(self) -> Bool:
         """(B,) the same at the velocity level, where the closed contacts count, which the steps record."""
-        return np.asarray(self.over(self.run.steps["largest_island"]) > self.least) & (not self.run.clumps)
+        return np.asarray(self.over(self.run.steps["largest_island"]) > self.least)
 
     @property
     def summed(self) -> Bool:

@@ -113,8 +113,9 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     run = block.run
     last = np.zeros(len(r), dtype=np.int64)
     np.maximum.at(last, group, r.problem)
-    # Piles have neither joints nor loads that depend on the motion.
+    # Piles have neither joints nor loads that depend on the motion; which islands have clumps is not recorded.
     tied = groups.held(block)[r.k, r.a] if run.has_contacts else run.answering.any()
+    tied = tied | bool(run.clumps)
     sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least) & ~tied
     final = r.of((r.problem == last[group]) | (sums & (r.problem > 0)))
     own = compliance(run, final.a, final.b)[0]
