@@ -81,11 +81,7 @@ pub(crate) fn follow(model: &Model, state: &State, scratch: &mut Scratch, of_loa
     if model.clumps.is_empty() {
         return;
     }
-    let correction = |scratch: &mut Scratch| match of_loads {
-        true => std::mem::take(&mut scratch.load_shift),
-        false => std::mem::take(&mut scratch.shift),
-    };
-    let mut shift = correction(scratch);
+    let mut shift = std::mem::take(correction(scratch, of_loads));
     place(model, state, scratch, |i| shift[i]);
     if of_loads {
         let clumps = &mut scratch.clumps;
@@ -97,11 +93,15 @@ pub(crate) fn follow(model: &Model, state: &State, scratch: &mut Scratch, of_loa
             shift[ball] = [scratch.position[ball] - smooth, shift[i][1]];
         }
     }
-    *if of_loads {
-        &mut scratch.load_shift
-    } else {
-        &mut scratch.shift
-    } = shift;
+    *correction(scratch, of_loads) = shift;
+}
+
+/// What loads, or corrections of positions, move bodies by.
+fn correction(scratch: &mut Scratch, of_loads: bool) -> &mut Vec<[DVec3; 2]> {
+    match of_loads {
+        true => &mut scratch.load_shift,
+        false => &mut scratch.shift,
+    }
 }
 
 /// Clumps and their balls where the loads have brought them, before positions were corrected.

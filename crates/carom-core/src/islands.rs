@@ -121,13 +121,7 @@ impl Islands {
         groups.fill(islands, contacts.map(|(k, a)| (k, self.island_of(a))));
         (self.contacts, self.ends) = (groups, ends);
         if !model.clumps.is_empty() {
-            self.clumps.resize(islands as usize, false);
-            for body in self.ends.iter().flatten().filter(|&&b| b < WALL) {
-                if model.as_clump(*body).is_some() {
-                    let island = self.island_of(*body);
-                    self.clumps[island as usize] = true;
-                }
-            }
+            self.mark_clumps(model, islands);
         }
         if links.is_empty() {
             return;
@@ -146,6 +140,17 @@ impl Islands {
         });
         groups.fill(islands, loads);
         self.loads = groups;
+    }
+
+    /// Marks the islands that clumps belong to.
+    fn mark_clumps(&mut self, model: &Model, islands: u32) {
+        self.clumps.resize(islands as usize, false);
+        for &body in self.ends.iter().flatten() {
+            if model.as_clump(body).is_some() {
+                let island = self.island_of(body);
+                self.clumps[island as usize] = true;
+            }
+        }
     }
 
     /// Only walls are touched: an island per sphere, and contacts are sorted by sphere already.

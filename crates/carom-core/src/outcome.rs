@@ -238,3 +238,14 @@ pub struct ImpactRecord {
     /// Kept on demand, by laws through springs.
     pub course: Option<ImpulseCurve>,
 }
+
+/// Refuses an orientation that is no unit quaternion.
+pub(crate) fn unit(kind: &'static str, index: usize, q: &[f64; 4]) -> Result<(), ModelError> {
+    finite(kind, index, "orientation", q)?;
+    let size = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (size - 1.0).abs() > 1e-6 {
+        let text = format!("has norm {size}, expected 1");
+        return Err(entry(kind, index, "orientation", text));
+    }
+    Ok(())
+}

@@ -1,9 +1,9 @@
 //! Clumps from their description, and the masses and sizes of all bodies.
 
-use crate::build::ModelInput;
+use super::ModelInput;
 use crate::clump::body::Clump;
 use crate::options::{Method, Options};
-use crate::outcome::{entry, finite, positive, ModelError};
+use crate::outcome::{entry, finite, positive, unit, ModelError};
 use crate::wall::{self, FreeWall};
 use glam::DVec3;
 
@@ -40,10 +40,7 @@ pub fn compile(input: &ModelInput, options: &Options) -> Result<Vec<Clump>, Mode
             .map_err(|(name, text)| entry("clump", index, name, text))?;
         finite("clump", index, "velocity", &c.velocity)?;
         finite("clump", index, "angular_velocity", &c.angular_velocity)?;
-        let size = c.orientation.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if (size - 1.0).abs() > 1e-6 || size.is_nan() {
-            return refuse("orientation", format!("has norm {size}, expected 1"));
-        }
+        unit("clump", index, &c.orientation)?;
     }
     let made = input.clumps.iter().map(|c| Clump::new(c, &input.position));
     Ok(made.collect())

@@ -8,7 +8,7 @@ use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
 use crate::options::Options;
-use crate::outcome::{entry, finite, positive, ModelError};
+use crate::outcome::{entry, finite, positive, unit, ModelError};
 use crate::wall::{self, checked, FreeWall, MeshWall, Shape, Wall};
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
@@ -32,13 +32,7 @@ impl Model {
             wall::place("position", input.position[i].into()).map_err(of_sphere)?;
             finite("sphere", i, "velocity", &input.velocity[i])?;
             finite("sphere", i, "angular_velocity", &input.angular_velocity[i])?;
-            finite("sphere", i, "orientation", &input.orientation[i])?;
-            let q = input.orientation[i];
-            let size = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if (size - 1.0).abs() > 1e-6 {
-                let text = format!("has norm {size}, expected 1");
-                return Err(entry("sphere", i, "orientation", text));
-            }
+            unit("sphere", i, &input.orientation[i])?;
         }
         finite("world", 0, "gravity", &input.gravity)?;
         let (mut walls, meshes) = compile_walls(input)?;
@@ -81,28 +75,34 @@ impl Model {
             links,
             options,
         };
-        let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();
-        let mut initial = InitialState {
-            position: vectors(&input.position),
-            orientation: input.orientation.iter().map(|q| quaternion(*q)).collect(),
-            velocity: vectors(&input.velocity),
-            angular_velocity: vectors(&input.angular_velocity),
-        };
-        for given in &input.clumps {
-            initial.position.push(DVec3::from(given.position));
-            initial.orientation.push(quaternion(given.orientation));
-            initial.velocity.push(DVec3::from(given.velocity));
-            let turning = DVec3::from(given.angular_velocity);
-            initial.angular_velocity.push(turning);
-        }
-        for (wall, given) in model.free_walls.iter().zip(&input.free_walls) {
-            initial.position.push(DVec3::ZERO);
-            initial.orientation.push(DQuat::IDENTITY);
-            initial.velocity.push(given.velocity * wall.normal);
-            initial.angular_velocity.push(DVec3::ZERO);
-        }
+        let initial = initial(input, &model);
         Ok((model, initial))
     }
+}
+
+/// Where all bodies are at the start, and how they move: balls, clumps, free walls.
+fn initial(input: &ModelInput, model: &Model) -> InitialState {
+    let vectors = |v: &[[f64; 3]]| v.iter().map(|x| DVec3::from(*x)).collect::<Vec<_>>();
+    let mut initial = InitialState {
+        position: vectors(&input.position),
+        orientation: input.orientation.iter().map(|q| quaternion(*q)).collect(),
+        velocity: vectors(&input.velocity),
+        angular_velocity: vectors(&input.angular_velocity),
+    };
+    for given in &input.clumps {
+        initial.position.push(DVec3::from(given.position));
+        initial.orientation.push(quaternion(given.orientation));
+        initial.velocity.push(DVec3::from(given.velocity));
+        let turning = DVec3::from(given.angular_velocity);
+        initial.angular_velocity.push(turning);
+    }
+    for (wall, given) in model.free_walls.iter().zip(&input.free_walls) {
+        initial.position.push(DVec3::ZERO);
+        initial.orientation.push(DQuat::IDENTITY);
+        initial.velocity.push(given.velocity * wall.normal);
+        initial.angular_velocity.push(DVec3::ZERO);
+    }
+    initial
 }
 
 /// Free walls, which are marked as such.
