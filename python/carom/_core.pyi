@@ -171,7 +171,9 @@ class Simulation:
     mass, "orientation": quaternion of the principal axes, "velocity", "angular_velocity"}`: rigid bodies of successive
     balls. Frames have `clumps (F, clumps, 13)`: position, orientation, velocity, angular velocity.
 
-    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `inflow`: list of `{"bodies": (first,
+    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `deformation`: `{"stretch": (law or None,) * 3,
+    "shear": law or None, "flow": axis, "gradient": axis}`, its lengths over those given and its shear strain over time; frames
+    then have `box (F, 4)`, lengths and the displacement of the image one up along the gradient, m. `inflow`: list of `{"bodies": (first,
     count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),
     "spread": m/s per component, "seed": int}`, whose balls are absent until they enter. `outlet`: list of
     `(low, high, inside)`.
