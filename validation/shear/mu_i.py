@@ -2,13 +2,13 @@
 
     python validation/shear/mu_i.py [--grains 800] [--strain 4] [--csv FILE] [--figure FILE]
 
-Rigid grains of 0.8 to 1.2 mm, friction 0.5, restitution 0.5, no gravity, are sheared at a constant rate in a box that keeps
-its volume (Lees-Edwards boundaries), at several packing fractions. The first quarter of the strain is left out. Stresses are those of
-`carom.granular.stress` over the whole box: mu = -s_zx/s_zz, I = rate d sqrt(density/s_zz). Rigid grains have no time of their own: mu and I
-depend on the packing fraction alone, and not on the rate.
+Rigid grains of 0.8 to 1.2 mm, friction 0.5, restitution 0.5, no gravity, are sheared at a constant rate in a box that
+keeps its volume (Lees-Edwards boundaries), at several packing fractions. The first quarter of the strain is left out.
+Stresses are those of `carom.granular.stress` over the whole box: mu = -s_zx/s_zz, I = rate d sqrt(density/s_zz). Rigid
+grains have no time of their own: mu and I depend on the packing fraction alone, and not on the rate.
 
-Beside it: mu = 0.38 + (0.64 - 0.38)/(1 + 0.279/I) (P. Jop, Y. Forterre, O. Pouliquen, Nature 441, 2006), measured with glass beads in
-flows with I of about 0.01 to 0.5; and the same form fitted to what is found here up to I = 0.5.
+Beside it: mu = 0.38 + (0.64 - 0.38)/(1 + 0.279/I) (P. Jop, Y. Forterre, O. Pouliquen, Nature 441, 2006), measured with
+glass beads, I of about 0.01 to 0.5; and the same form fitted to what is found here up to I = 0.5.
 """
 
 from __future__ import annotations
@@ -78,9 +78,7 @@ def flow(fraction: float, grains: int, strain: float, seed: int) -> carom.Scene:
 def measured(result: carom.Result) -> dict[str, float]:
     """Means over the frames behind the first quarter."""
     frames = range(len(result.time) // 4 + 1, len(result.time))
-    tensors = [
-        granular.stress(result, granular.whole_box(result, k), k).tensor for k in frames
-    ]
+    tensors = [granular.stress(result, granular.whole_box(result, k), k).tensor for k in frames]
     mean = np.mean(tensors, axis=0)
     # In eight parts of the time: how far their means are apart.
     parts = [np.mean(part, axis=0) for part in np.array_split(tensors, 8)]
@@ -119,7 +117,9 @@ def draw(rows: list[dict[str, float]], fit: np.ndarray | None, path: str) -> Non
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
     inertial = [row["inertial"] for row in rows]
     line = np.geomspace(0.6 * min(inertial), 1.2 * max(inertial), 100)
-    left.errorbar(inertial, [row["mu"] for row in rows], [row["error"] for row in rows], fmt="o", label="Carom")
+    left.errorbar(
+        inertial, [row["mu"] for row in rows], [row["error"] for row in rows], fmt="o", label="Carom"
+    )
     left.plot(line, law(line, *PUBLISHED), "k--", label="glass beads (Jop et al. 2006)")
     if fit is not None:
         left.plot(line, law(line, *fit), "C0", lw=1, label="fit, I up to 0.5")
@@ -131,7 +131,9 @@ def draw(rows: list[dict[str, float]], fit: np.ndarray | None, path: str) -> Non
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--grains", type=int, default=800)
     parser.add_argument("--strain", type=float, default=4.0)
     parser.add_argument("--seed", type=int, default=3)
@@ -140,7 +142,9 @@ def main() -> int:
     parser.add_argument("--figure")
     options = parser.parse_args()
     print(f"{options.grains} grains, strain {options.strain:g}, {STRAIN_PER_STEP:g} a step")
-    print("fraction      I       mu  +-      glass   s_xx/s_zz s_yy/s_zz contacts fallbacks unconverged seconds")
+    print(
+        "fraction      I       mu  +-      glass   s_xx/s_zz s_yy/s_zz contacts fallbacks unconverged seconds"
+    )
     rows = []
     for fraction in options.fractions:
         begin = time.perf_counter()
