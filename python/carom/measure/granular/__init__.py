@@ -29,6 +29,7 @@ from carom.measure.granular.region import Region, ball_volume, cells, layers
 from carom.measure.granular.snapshot import Contacts, Snapshot, snapshot
 from carom.measure.granular.stress import Stress, Temperature, ball_stress, granular_temperature, stress
 from carom.measure.granular.surface import HeapAngle, RunOut, heap_angle, run_out
+from carom.measure.granular.whole import whole_box
 from carom.scene.packing.region import Ball, Box, Cylinder
 
 __all__ = [
@@ -66,4 +67,5 @@ __all__ = [
     "run_out",
     "snapshot",
     "stress",
+    "whole_box",
 ]
