@@ -22,6 +22,9 @@ const PAIRS: usize = 8_192;
 pub(crate) fn list(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
     let (list, walls, n) = (&mut scratch.neighbours, &mut scratch.walls, model.balls());
     walls.place_free(model, Some(&state.position[model.first_wall()..]));
+    if walls.periodic.deforms {
+        list.deform(walls.periodic.start);
+    }
     list.refresh(
         &state.position[..n],
         &model.radius[..n],
@@ -221,7 +224,7 @@ fn near(
     } else {
         let rb = model.radius[j];
         let reach = ra + rb + margin * ra.min(rb);
-        let periodic = &model.periodic;
+        let periodic = &walls.periodic.now;
         let between = periodic.nearest(position[i] - position[j]);
         if between.length_squared() > reach * reach {
             return Ok(None);
@@ -274,7 +277,8 @@ fn begin(
     } else {
         let rb = model.radius[j];
         c.length = ra.min(rb);
-        start = model.periodic.sphere_sphere(x, ra, state.position[j], rb);
+        start = (walls.periodic.start).sphere_sphere(x, ra, state.position[j], rb);
+        c.image = walls.periodic.images_away(x - state.position[j]);
         (c.t1, c.t2) = tangent_frame(start.normal);
     }
     (c.n0, c.n1, c.gap_start) = (start.normal, start.normal, start.gap);
@@ -373,9 +377,11 @@ fn join_overlapping(
     let way = |i: usize| linear[i].displacement + shift[i][0];
     let of_walls = (model.first_wall()..model.bodies()).map(|i| way(i).length());
     let reach = model.cohesive_reach() + of_walls.fold(0.0, f64::max);
+    let course = &scratch.walls.periodic;
     team::fill(threads, &mut scratch.need, |i| {
         let near = margin.max(CANDIDATE_MARGIN) * model.radius[i];
-        state.need(model, i, way(i).length() + near + reach)
+        let near = course.own_way(state.position[i], way(i)).length() + near + reach;
+        state.need(model, i, near + course.change(model.radius[i] + near))
     });
     list(model, state, scratch)?;
     let (contacts, position) = (&mut scratch.contacts, &scratch.position);

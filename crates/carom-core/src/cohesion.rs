@@ -5,6 +5,7 @@
 
 use crate::candidates::{self, NearPair};
 use crate::contact::Contact;
+use crate::level::speeds::opening;
 use crate::model::{ContactLaw, Model};
 use crate::options::Method;
 use crate::outcome::Failure;
@@ -12,7 +13,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::places::{displacement, proximity_at, Walls};
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
 /// Share (1) of a way that its own change of the attraction takes, above which a step is too long to tell that way. Above 1 there is none.
 const RESOLVED: f64 = 0.5;
@@ -110,7 +111,6 @@ pub(crate) fn pull(
     scratch: &mut Scratch,
     span: Span,
 ) -> Result<(), Failure> {
-    scratch.wall_pulls.clear();
     let (h, walls) = (span.h, &scratch.walls);
     let swept = |x: &DVec3| 2.0 * h * walls.speed_at(*x);
     let swept = match walls.any_moves() {
@@ -123,8 +123,14 @@ pub(crate) fn pull(
     } else {
         0.5 * h
     };
-    let mut pulls = Vec::new();
-    for near in near(model, state, scratch, &state.position, swept)? {
+    let (mut pulls, mut driven_pulls) = (Vec::new(), Vec::new());
+    // Centres of t_n, in the box of then.
+    let course = &mut scratch.walls.periodic;
+    let now = std::mem::replace(&mut course.now, course.start);
+    let found = near(model, state, scratch, &state.position, swept);
+    scratch.walls.periodic.now = now;
+    let walls = &scratch.walls;
+    for near in found? {
         let mut c = candidates::contact(model, state, walls, &near)?;
         let (a, b, law) = (c.a as usize, c.b as usize, c.law(model));
         if c.gap_start >= law.rupture_distance {
@@ -136,21 +142,18 @@ pub(crate) fn pull(
             true => c.middle_normal(),
             false => c.n1,
         };
-        let other = match walls.start_twist(model, &c, state.position[a]) {
-            Some(wall) => wall.shape,
-            None => state.velocity.get(b).copied().unwrap_or_default(),
-        };
         let of_b = model.inv_mass.get(b).copied().unwrap_or(0.0);
-        let opening = c.n0.dot(state.velocity[a] - other);
+        let opening = opening(model, state, walls, &c);
         let gap = apart(model, (c.a, c.b), c.gap_start);
         let force = law.mean_attraction(gap, opening, model.inv_mass[a] + of_b, h);
         let impulse = -h * force * along;
         pulls.push((c.a, c.b, impulse));
-        if model.record_walls && c.meets_wall(model) {
+        if (model.record_walls && c.meets_wall(model)) || c.image != IVec3::ZERO {
             c.n1 = along;
-            scratch.wall_pulls.push((c, impulse));
+            driven_pulls.push((c, impulse));
         }
     }
+    scratch.driven_pulls = driven_pulls;
     for (a, b, impulse) in pulls {
         for (i, sign) in [(a as usize, 1.0), (b as usize, -1.0)] {
             if let Some(p) = scratch.linear[..model.bodies()].get_mut(i) {
@@ -163,8 +166,9 @@ pub(crate) fn pull(
     Ok(())
 }
 
-/// Adds what cohesion gave walls in the step to their impulses, with balls at `position`; returns the work that moving ones did by it, J.
-pub(crate) fn on_walls(
+/// Adds what cohesion gave walls in the step to their impulses, with balls at `position`; returns the work that moving ones, and images of a box that
+/// deforms, did by it, J.
+pub(crate) fn of_driven(
     model: &Model,
     (state, position): (&State, &[DVec3]),
     walls: &Walls,
@@ -174,17 +178,31 @@ pub(crate) fn on_walls(
     let mut work = 0.0;
     for (c, impulse) in pulls {
         let a = c.a as usize;
-        let (x, r) = (position[a] - displacement(position, c.b), model.radius[a]);
-        let lever = model.periodic.nearest(x - walls.point(model, c.b)) - r * c.n1;
-        let on_wall = &mut out[model.wall(c.b).given as usize];
-        on_wall[0] -= *impulse;
-        on_wall[1] -= lever.cross(*impulse);
+        if c.meets_wall(model) {
+            pull_wall(model, position, walls, (c, *impulse), out);
+        }
         let start = walls.start_twist(model, c, state.position[a]);
         if let Some((start, end)) = start.zip(walls.end_twist(model, c, position[a])) {
             work += impulse.dot(start.mean(&end).shape);
         }
     }
     work
+}
+
+/// The same for one wall.
+fn pull_wall(
+    model: &Model,
+    position: &[DVec3],
+    walls: &Walls,
+    (c, impulse): (&Contact, DVec3),
+    out: &mut [[DVec3; 2]],
+) {
+    let a = c.a as usize;
+    let x = position[a] - displacement(position, c.b);
+    let from_point = walls.periodic.now.nearest(x - walls.point(model, c.b));
+    let on_wall = &mut out[model.wall(c.b).given as usize];
+    on_wall[0] -= impulse;
+    on_wall[1] -= (from_point - model.radius[a] * c.n1).cross(impulse);
 }
 
 /// Potential energy of all pairs at a position, walls where they are now, J. The list of pairs reaches as far as cohesion does.

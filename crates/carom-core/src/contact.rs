@@ -7,7 +7,7 @@ use crate::model::{ContactLaw, Model};
 use crate::rows::Rows;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::{Bounds, Status};
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
 /// Gap over r_c after the smooth step (1) below which a pair is a candidate contact; others enter when they overlap. Too small: solves are
 /// repeated for pairs that join. Too large: islands grow together by contacts that never close, and take longer.
@@ -35,6 +35,8 @@ pub struct Contact {
     pub gap: f64,
     /// r_c, m.
     pub length: f64,
+    /// How many images of a periodic box that deforms lie between both centres; 0 in others.
+    pub image: IVec3,
     /// Position multipliers, rows packed as in `carom_solve::cone`, kg m.
     pub nu: [f64; 6],
     /// Velocity multipliers accumulated over the step's impact problems, N s.

@@ -4,6 +4,7 @@ use crate::blow_up::{self, Watch};
 use crate::clump;
 use crate::cohesion;
 use crate::contact::Contact;
+use crate::deformation;
 use crate::force::total::{motion_of, power, weight_potential};
 use crate::model::Model;
 use crate::options::Method;
@@ -49,18 +50,25 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         let (position, contacts) = (&scratch.position, &scratch.contacts);
         let impulses = &mut scratch.wall_impulse;
         report.energy_work = (scratch.walls).collect(model, state, position, contacts, impulses);
-        report.energy_work += cohesion::on_walls(
-            model,
-            (state, position),
-            &scratch.walls,
-            &scratch.wall_pulls,
-            impulses,
-        );
     }
     if model.cohesive_reach() > 0.0 {
+        report.energy_work += cohesion::of_driven(
+            model,
+            (state, &scratch.position),
+            &scratch.walls,
+            &scratch.driven_pulls,
+            &mut scratch.wall_impulse,
+        );
         scratch.attraction = cohesion::potential(model, state, scratch, &scratch.position)?;
         potential += scratch.attraction;
     }
+    report.energy_work += deformation::work(
+        model,
+        &scratch.walls.periodic,
+        state,
+        &scratch.jump,
+        &scratch.contacts,
+    );
     for (wall, i) in model.free_walls.iter().zip(model.first_wall()..) {
         let way = [state.position[i], scratch.position[i]];
         report.energy_work += wall.work(span, way);
@@ -77,7 +85,9 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
     // Stable, for islands one after the other are few sorted runs.
     state.warm.sort_by_key(|w| w.key);
     state.warm_step = coefficients.h;
-    report.energy_kinetic = sums.kinetic;
+    let of_kink = deformation::pass_kink(model, &scratch.walls.periodic, state);
+    report.energy_work += of_kink;
+    report.energy_kinetic = sums.kinetic + of_kink;
     report.energy_potential = potential;
     type Two = (f64, f64);
     let larger = |a: Two, b: Two| (team::larger(a.0, b.0), team::larger(a.1, b.1));

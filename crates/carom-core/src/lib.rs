@@ -11,6 +11,7 @@ pub mod clump;
 mod cohesion;
 pub mod contact;
 mod cures;
+pub mod deformation;
 mod finish;
 pub mod flow;
 pub mod force;

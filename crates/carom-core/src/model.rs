@@ -1,6 +1,7 @@
 //! What is simulated: compiled, immutable, arrays and integer ids.
 
 use crate::clump::body::Clump;
+use crate::deformation::law::Deformation;
 use crate::flow::Flow;
 use crate::force::Load;
 use crate::held_apart::HeldApart;
@@ -100,6 +101,8 @@ pub struct Model {
     pub courses: bool,
     /// Spheres meet by their nearest images; positions are never wrapped.
     pub periodic: Periodic,
+    /// How that box changes its size and shears.
+    pub deformation: Option<Deformation>,
     pub flow: Flow,
     pub laws: Vec<ContactLaw>,
     /// Law index + 1 by material pair, 0 where there is none.
@@ -125,6 +128,14 @@ pub struct InitialState {
 }
 
 impl Model {
+    /// Lengths of the periodic box at a time, and how far the image one up along the gradient is off along the flow, m.
+    pub fn periodic_at(&self, time: f64) -> [f64; 4] {
+        let law = self.deformation.as_ref();
+        let now = law.map_or(self.periodic, |law| law.periodic(&self.periodic, time));
+        let [x, y, z] = now.length().to_array();
+        [x, y, z, now.offset()]
+    }
+
     /// Number of bodies whose motion is computed: balls, clumps, free walls.
     pub fn bodies(&self) -> usize {
         self.radius.len()

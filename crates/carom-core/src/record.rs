@@ -59,6 +59,8 @@ pub struct Block {
     pub free_walls: Vec<f64>,
     /// Of each clump its centre of mass, the quaternion of its principal axes (w first), its velocity and its angular velocity.
     pub clumps: Vec<f64>,
+    /// Lengths of a periodic box that deforms, and the displacement of the image one up along the gradient, m: 4 per frame.
+    pub periodic: Vec<f64>,
     /// Which spheres are there, N per frame; empty unless the model has inflows or outlets.
     pub present: Vec<bool>,
     pub events: Vec<Event>,
@@ -222,13 +224,16 @@ impl Recorder {
     }
 
     /// Closes a frame: state and the contacts since the last one.
-    pub fn add_frame(&mut self, state: &State, time: f64) {
+    pub fn add_frame(&mut self, model: &Model, state: &State, time: f64) {
         let (b, n) = (
             &mut self.block,
             state.position.len() - self.free_walls.len() - self.clumps,
         );
         b.frame_step.push(state.step);
         b.frame_time.push(time);
+        if model.deformation.is_some() {
+            b.periodic.extend(model.periodic_at(time));
+        }
         if self.flows {
             b.present.extend_from_slice(&state.present[..n]);
         }

@@ -74,8 +74,8 @@ pub struct Scratch {
     pub wall_impulse: Vec<[DVec3; 2]>,
     /// Potential energy of cohesion at the end of the step, J.
     pub(crate) attraction: f64,
-    /// What walls pulled balls with: contacts as at t_n, and impulses on the balls.
-    pub(crate) wall_pulls: Vec<(Contact, DVec3)>,
+    /// What walls, and images of a box that deforms, pulled balls with: contacts as at t_n, and impulses on the balls.
+    pub(crate) driven_pulls: Vec<(Contact, DVec3)>,
     /// Power at t_n of loads without potential, W.
     pub power: f64,
 }
@@ -112,7 +112,6 @@ impl Scratch {
             pile: Pile::new(),
             joint_reaction: vec![[DVec3::ZERO; 2]; model.joints.len()],
             attraction: 0.0,
-            wall_pulls: Vec::new(),
             wall_impulse: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             ..Scratch::default()
         }

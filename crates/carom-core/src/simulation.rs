@@ -201,7 +201,7 @@ impl Simulation {
         let places: Vec<DVec3> = (state.position[..balls].iter().zip(&state.present))
             .map(|(x, present)| if *present { *x } else { DVec3::NAN })
             .collect();
-        let periodic = &self.model.periodic;
+        let periodic = &walls.periodic.now;
         let meshes = self.model.mesh_spans();
         let mut found = carom_geom::overlaps(
             &places, radius, &walls.now, meshes, periodic, tolerance, cap,
@@ -274,7 +274,7 @@ impl Simulation {
             .add(&report, self.static_scale, travel * self.model.options.step);
         self.recorder.block.steps.push(report);
         if recording.frame_every > 0 && number % recording.frame_every == 0 {
-            self.recorder.add_frame(&self.state, time);
+            self.recorder.add_frame(&self.model, &self.state, time);
         }
         Ok(())
     }

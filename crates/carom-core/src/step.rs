@@ -94,9 +94,12 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Re
     let each = |first: usize, needs: &mut [f64]| {
         let mut fastest = 0.0f64;
         for (i, need) in (first..).zip(needs) {
-            let (r, way) = (model.radius[i], linear[i].displacement.length());
-            fastest = team::larger(fastest, way);
+            let (r, way) = (model.radius[i], linear[i].displacement);
+            let way = walls.periodic.own_way(state.position[i], way).length();
             let mut reach = way + CANDIDATE_MARGIN * r + reach;
+            let of_box = walls.periodic.change(r + reach);
+            fastest = team::larger(fastest, way + of_box);
+            reach += of_box;
             if moves {
                 // A fast wall may be past a sphere at the end of the step.
                 let swept = walls.speed_at(state.position[i]) * h;

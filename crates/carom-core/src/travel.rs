@@ -74,8 +74,10 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
             .map_or(DVec3::ZERO, |p| p.displacement);
         return met_wall(model, &scratch.walls, (a, b), x - from, d - by);
     }
-    let from = model.periodic.nearest(x - state.position[j]);
-    let along = d - scratch.linear[j].displacement;
+    let (course, between) = (&scratch.walls.periodic, x - state.position[j]);
+    let image = course.images_away(between).as_dvec3();
+    let from = course.start.nearest(between);
+    let along = d - scratch.linear[j].displacement - course.way(image);
     let length = r.min(model.radius[j]);
     if along.length_squared() < length * length {
         return None;

@@ -29,6 +29,6 @@ pub use glam::DVec3;
 pub use mesh::{same_contact, BadTriangle, Mesh};
 pub use pair::{proximity, sphere_plane, sphere_sphere, Proximity};
 pub use pair::{Ball, Cone, Cylinder, Disc, Line, Rectangle, Sheet, Triangle};
-pub use periodic::Periodic;
+pub use periodic::{Periodic, Shear};
 pub use shape::{Displacement, Shape};
 pub use tangent::tangent_frame;

@@ -2,7 +2,9 @@
 
 mod common;
 
-use carom_geom::{overlaps, sphere_sphere, DVec3, Displacement, NeighbourList, Periodic, Shape};
+use carom_geom::{
+    overlaps, sphere_sphere, DVec3, Displacement, NeighbourList, Periodic, Shape, Shear,
+};
 use common::{vector, wall};
 use glam::DQuat;
 use proptest::prelude::*;
@@ -239,6 +241,40 @@ proptest! {
     }
 
     #[test]
+    fn a_box_that_deforms(
+        mut scene in scene(150, 8.0),
+        length in prop::array::uniform3(0.9..3.0f64),
+        rates in prop::array::uniform4(-0.08..0.08f64),
+        axes in 0..6usize,
+        moves in prop::collection::vec(vector(0.01), 1..20),
+    ) {
+        // Walls do not change along what deforms; these would.
+        scene.walls.clear();
+        let (flow, gradient) = [(0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1)][axes];
+        let at = |step: usize| {
+            let share = |k: usize| 1.0 + rates[k] * step as f64;
+            let length = DVec3::from(length) * DVec3::new(share(0), share(1), share(2));
+            let offset = 2.0 * rates[3] * step as f64;
+            Periodic::new(length, -0.5 * length).sheared(Shear { flow, gradient, offset })
+        };
+        let mut list = NeighbourList::new();
+        scene.periodic = at(0);
+        list.set_periodic(scene.periodic);
+        list.set_threads(2);
+        for step in 1..8 {
+            scene.refresh(&mut list);
+            scene.check(&list);
+            advance(&mut scene, &moves, step);
+            let now = at(step);
+            for x in &mut scene.x {
+                *x = scene.periodic.carried(*x, &now);
+            }
+            scene.periodic = now;
+            list.deform(now);
+        }
+    }
+
+    #[test]
     fn overlaps_are_all_found(scene in scene(200, 4.0)) {
         let found = overlaps(&scene.x, &scene.radius, &scene.walls, Vec::new(), &Periodic::default(), 1e-9, usize::MAX);
         let mut at_contact = scene.clone();
@@ -279,6 +315,35 @@ fn lattice(side: usize) -> Scene {
         need: vec![1e-4; n],
         ..Scene::default()
     }
+}
+
+#[test]
+fn a_little_strain_keeps_the_list() {
+    let mut scene = lattice(6);
+    let box_at = |offset: f64| {
+        Periodic::new(DVec3::splat(6.0), DVec3::splat(-0.5)).sheared(Shear {
+            flow: 0,
+            gradient: 1,
+            offset,
+        })
+    };
+    let mut list = NeighbourList::new();
+    list.set_periodic(box_at(0.0));
+    scene.periodic = box_at(0.0);
+    assert!(scene.refresh(&mut list));
+    let mut rebuilt = 0;
+    for step in 1..=100 {
+        let now = box_at(0.03 * f64::from(step));
+        for x in &mut scene.x {
+            *x = scene.periodic.carried(*x, &now);
+        }
+        scene.periodic = now;
+        list.deform(now);
+        rebuilt += i32::from(scene.refresh(&mut list));
+        scene.check(&list);
+    }
+    // A strain of 1/2.
+    assert!((1..15).contains(&rebuilt), "{rebuilt}");
 }
 
 #[test]

@@ -107,6 +107,7 @@ pub fn model_input(dict: &Bound<'_, PyDict>) -> PyResult<ModelInput> {
         courses: walls::wish(dict, "courses")?,
         periodic: flow::lengths(dict, "periodic")?,
         periodic_origin: flow::lengths(dict, "periodic_origin")?,
+        deformation: flow::deformation(dict)?,
         inflow: flow::inflows(dict)?,
         outlet: flow::outlets(dict)?,
         laws,

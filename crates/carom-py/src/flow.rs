@@ -1,7 +1,8 @@
 //! Periodic boxes, and balls that come and go, from optional keys of the model; their tables and state.
 
 use crate::arrays::{self, item, put, Table};
-use crate::coupling::{list, refuse, vector};
+use crate::coupling::{law, list, refuse, vector};
+use carom_core::deformation::law::Deformation;
 use carom_core::flow::{Event, Inflow, Outlet, Region};
 use carom_core::{Model, State};
 use glam::DVec3;
@@ -14,6 +15,25 @@ pub fn lengths(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<[f64; 3]> {
         Some(value) => Ok(vector(&value)?.to_array()),
         None => Ok([0.0; 3]),
     }
+}
+
+/// `{"stretch": (law or None,) * 3, "shear": law or None, "flow": axis, "gradient": axis}`.
+pub fn deformation(dict: &Bound<'_, PyDict>) -> PyResult<Option<Deformation>> {
+    let Some(value) = dict.get_item("deformation")? else {
+        return Ok(None);
+    };
+    let given = value.cast::<PyDict>()?;
+    let maybe = |value: &Bound<'_, PyAny>| match value.is_none() {
+        true => Ok(None),
+        false => law(value).map(Some),
+    };
+    let [x, y, z]: [Bound<'_, PyAny>; 3] = item(given, "stretch")?.extract()?;
+    Ok(Some(Deformation {
+        stretch: [maybe(&x)?, maybe(&y)?, maybe(&z)?],
+        shear: maybe(&item(given, "shear")?)?,
+        flow: item(given, "flow")?.extract()?,
+        gradient: item(given, "gradient")?.extract()?,
+    }))
 }
 
 /// `{"bodies": (first, count), "region": ..., "rate", "start", "velocity", "spread", "seed"}`.

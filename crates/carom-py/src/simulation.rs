@@ -87,6 +87,14 @@ impl Simulation {
                 .flat_map(|(i, _)| clump_row(state, i));
             put::<f64>(&out, "clumps", rows.collect(), &[model.clumps.len(), 13])?;
         }
+        if model.deformation.is_some() {
+            put::<f64>(
+                &out,
+                "box",
+                model.periodic_at(self.inner.time()).to_vec(),
+                &[4],
+            )?;
+        }
         Ok(out)
     }
 

@@ -69,6 +69,9 @@ pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<(
     if !model.clumps.is_empty() {
         put(&frames, "clumps", b.clumps, &[f, model.clumps.len(), 13])?;
     }
+    if model.deformation.is_some() {
+        put(&frames, "box", b.periodic, &[f, 4])?;
+    }
     if joints > 0 {
         put(&frames, "joint_impulse", b.joints, &[f, joints, 6])?;
     }

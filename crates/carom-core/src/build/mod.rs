@@ -7,6 +7,7 @@ mod periodic;
 mod state;
 
 use crate::clump::body::ClumpInput;
+use crate::deformation::law::Deformation;
 use crate::flow::{Inflow, Outlet};
 use crate::force::Load;
 use crate::joint::Joint;
@@ -53,6 +54,8 @@ pub struct ModelInput {
     /// Lengths of a periodic box, m, 0 for an axis that does not repeat, and its low corner.
     pub periodic: [f64; 3],
     pub periodic_origin: [f64; 3],
+    /// How that box changes its size and shears.
+    pub deformation: Option<Deformation>,
     /// Balls that come and go.
     pub inflow: Vec<Inflow>,
     pub outlet: Vec<Outlet>,

@@ -38,6 +38,7 @@ impl Model {
         let (mut walls, meshes) = compile_walls(input)?;
         let free = compile_free_walls(input, &mut walls)?;
         let periodic = super::periodic::compile(input, &walls)?;
+        super::periodic::check_deformation(input, &options)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         let links = compile_links(input)?;
@@ -66,6 +67,7 @@ impl Model {
             walls,
             meshes,
             periodic,
+            deformation: input.deformation.clone(),
             flow,
             laws,
             law_table,

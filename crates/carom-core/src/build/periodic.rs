@@ -1,10 +1,12 @@
 //! Checks of a periodic box: its lengths, and that all walls repeat with it.
 
 use super::ModelInput;
-use crate::contact::CANDIDATE_MARGIN;
+use crate::deformation::course::least_period;
+use crate::options::{Method, Options};
 use crate::outcome::{entry, finite, ModelError};
 use crate::wall::Wall;
 use carom_geom::{DVec3, Periodic, Shape};
+use carom_laws::Scalar;
 
 /// A component of a direction along a periodic axis below this is none.
 const ALONG: f64 = 1e-9;
@@ -13,9 +15,7 @@ const ALONG: f64 = 1e-9;
 pub(super) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, ModelError> {
     finite("world", 0, "periodic", &input.periodic)?;
     finite("world", 0, "periodic_origin", &input.periodic_origin)?;
-    let largest = input.radius.iter().copied().fold(0.0, f64::max);
-    // Two images of one sphere must not be candidates for a contact with another at the same time.
-    let least = 4.0 * (1.0 + 2.0 * CANDIDATE_MARGIN) * largest;
+    let least = least_period(input.radius.iter().copied());
     for length in input.periodic {
         if length != 0.0 && length < least {
             let text = format!(
@@ -35,6 +35,37 @@ pub(super) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, Mo
         }
     }
     Ok(periodic)
+}
+
+/// What is wrong with the deformation of the box.
+pub(super) fn check_deformation(input: &ModelInput, options: &Options) -> Result<(), ModelError> {
+    let Some(given) = &input.deformation else {
+        return Ok(());
+    };
+    let wrong = |text: &str| Err(entry("world", 0, "deformation", text.to_owned()));
+    if !matches!(options.method, Method::Nsga | Method::MoreauJean) {
+        return wrong("needs method nsga or moreau");
+    }
+    if !(input.inflow.is_empty() && input.outlet.is_empty()) {
+        return wrong("excludes inflows and outlets");
+    }
+    let repeats = |axis: usize| input.periodic.get(axis).is_some_and(|l| *l > 0.0);
+    let stretched = (0..3).filter(|&k| given.stretch[k].is_some());
+    let sheared = given
+        .shear
+        .iter()
+        .flat_map(|_| [given.flow, given.gradient]);
+    if !stretched.chain(sheared).all(repeats) || given.flow.max(given.gradient) > 2 {
+        return wrong("concerns an axis that does not repeat");
+    }
+    if given.flow == given.gradient {
+        return wrong("has its flow along the gradient");
+    }
+    let starts = |law: &Option<Scalar>, at: f64| law.iter().all(|law| law.value(0.0) == at);
+    if !(given.stretch.iter().all(|law| starts(law, 1.0)) && starts(&given.shear, 0.0)) {
+        return wrong("must be none at t = 0");
+    }
+    Ok(())
 }
 
 /// Why a wall does not look the same at every image, if it does not.

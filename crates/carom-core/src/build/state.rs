@@ -1,6 +1,7 @@
 //! The state at the start of a run, and whether a saved one belongs to a model.
 
 use crate::contact::ContactKey;
+use crate::deformation::join_flow;
 use crate::level::smooth_newton::initial_accelerations;
 use crate::model::{InitialState, Model};
 use crate::outcome::ModelError;
@@ -31,6 +32,7 @@ impl State {
             warm_step: model.options.step,
             touches: Vec::new(),
         };
+        join_flow(model, &mut state);
         if !model.is_free() {
             let (accelerations, reactions) = initial_accelerations(model, &state);
             state.acceleration = accelerations;

@@ -84,16 +84,15 @@ fn push_contacts(model: &Model, state: &State, scratch: &mut IslandScratch, isla
     for &m in island.contacts {
         let c = &contacts[m as usize];
         let dim = c.rows(model, c.n0, &mut rows);
-        // A wall is a body B whose motion is known.
-        let of_b = if !c.is_wall(model) {
-            Some(moved(c.b))
-        } else if walls.any_moves() {
+        // A wall is a body B whose motion is known; an image has one on top of that of its body.
+        let mut of_b = (!c.is_wall(model)).then(|| moved(c.b));
+        if walls.any_moves() {
             let (from, to) = (state.position[c.a as usize], position[c.a as usize]);
-            let driven = walls.displacement(model, c, from, to);
-            driven.map(|[way, turn]| (way, turn))
-        } else {
-            None
-        };
+            if let Some([way, turn]) = walls.displacement(model, c, from, to) {
+                let of_body = of_b.unwrap_or_default();
+                of_b = Some((of_body.0 + way, of_body.1 + turn));
+            }
+        }
         let (way, turn) = moved(c.a);
         let mut z0 = [0.0; 6];
         for (z, row) in z0.iter_mut().zip(&rows[..dim]).skip(1) {

@@ -5,6 +5,7 @@
 
 use super::smooth_newton::{place, Weights};
 use crate::clump;
+use crate::deformation;
 use crate::force::evaluated;
 use crate::force::total::own_force;
 use crate::outcome::{BlowUp, Failure, Level};
@@ -24,6 +25,14 @@ const TOLERANCE: f64 = 1e-10;
 pub fn solve(on: &mut Step) -> Result<(), Failure> {
     predict(on);
     on.report.iterations_smooth = 1;
+    let scratch = &mut *on.scratch;
+    deformation::carry(
+        on.model,
+        &scratch.walls.periodic,
+        on.state,
+        &mut scratch.linear,
+        &mut scratch.position,
+    );
     clump::predict(on.model, on.state, on.scratch, on.span.h)?;
     if !on.model.is_free() {
         iterate(on)?;

@@ -71,9 +71,9 @@ impl Speeds {
 /// Speed at which a contact opens at t_n, along its normal of then, m/s.
 pub fn opening(model: &Model, state: &State, walls: &Walls, c: &Contact) -> f64 {
     let (i, j) = (c.a as usize, c.b as usize);
-    let other = match walls.start_twist(model, c, state.position[i]) {
-        Some(wall) => wall.shape,
-        None => state.velocity.get(j).copied().unwrap_or_default(),
-    };
+    let mut other = state.velocity.get(j).copied().unwrap_or_default();
+    if let Some(driven) = walls.start_twist(model, c, state.position[i]) {
+        other += driven.shape;
+    }
     c.n0.dot(state.velocity[i] - other)
 }

@@ -106,7 +106,7 @@ impl Linearisation<'_> {
                 proximity(self.model, self.walls, c, at(c.a, ua), at(c.b, ub))
             } else {
                 let [ra, rb] = [z.a, z.b].map(|node| bodies[node as usize].radius);
-                let periodic = &self.model.periodic;
+                let periodic = &self.walls.periodic.now;
                 periodic.sphere_sphere(centre(z.a), ra, centre(z.b), rb)
             };
             state(z, &p, ua - ub);

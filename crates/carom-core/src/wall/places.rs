@@ -1,6 +1,7 @@
 //! Where walls are in a step: places, velocities, and the impulses on them.
 
 use crate::contact::Contact;
+use crate::deformation::course::BoxCourse;
 use crate::force::LoadError;
 use crate::model::Model;
 use crate::outcome::{within_bounds, FASTEST};
@@ -8,7 +9,7 @@ use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::motion::{Instant, WallTwist};
 use carom_geom::{sphere_plane, Displacement, Proximity, Shape};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, IVec3};
 use std::ops::Range;
 
 /// A moving wall over a step.
@@ -43,6 +44,8 @@ pub struct Walls {
     /// At the time of the gaps: t_{n+1}.
     pub now: Vec<Shape>,
     courses: Vec<Course>,
+    /// The periodic box, whose images move where it deforms.
+    pub periodic: BoxCourse,
     span: Span,
 }
 
@@ -65,6 +68,7 @@ impl Walls {
             start: shapes.clone(),
             now: shapes,
             courses,
+            periodic: BoxCourse::new(model),
             span: Span::default(),
         }
     }
@@ -72,6 +76,8 @@ impl Walls {
     /// Moves the walls to a step. Fails with a message where a law gives no number.
     pub fn begin(&mut self, model: &Model, span: Span) -> Result<(), LoadError> {
         self.span = span;
+        let course = self.periodic.begin(model, span);
+        course.map_err(|text| LoadError { body: None, text })?;
         for course in &mut self.courses {
             let index = course.first as usize;
             let Some(motion) = &model.walls[index].motion else {
@@ -108,6 +114,7 @@ impl Walls {
 
     /// Puts the shapes of moving walls to another time of the step.
     pub fn place(&mut self, model: &Model, time: f64) {
+        self.periodic.place(model, time);
         for course in &mut self.courses {
             if let Some(motion) = &model.walls[course.first as usize].motion {
                 (course.by, course.now) = motion.at(time);
@@ -141,10 +148,10 @@ impl Walls {
             .map(|w| (model.first_wall() + w) as u32)
     }
 
-    /// Whether any wall moves.
+    /// Whether any wall moves, or image of a periodic box.
     #[inline]
     pub fn any_moves(&self) -> bool {
-        !self.courses.is_empty()
+        !self.courses.is_empty() || self.periodic.deforms
     }
 
     #[inline]
@@ -201,9 +208,27 @@ impl Walls {
         (end.centre - start.centre) + turn.cross(p - 0.5 * (start.centre + end.centre))
     }
 
-    /// Velocity of a contact's wall at the contact at t_n, with the sphere's centre of then; `None`: no moving wall.
+    /// Velocity that an image of body B has on top of that of B, at t_n (0) or t_{n+1} (1); `None`: it is no image.
+    #[inline]
+    fn image_twist(&self, model: &Model, c: &Contact, end: usize) -> Option<WallTwist> {
+        if c.image == IVec3::ZERO {
+            return None;
+        }
+        let velocity = (self.periodic).velocity(model, end, c.image.as_dvec3());
+        Some(WallTwist {
+            shape: velocity,
+            material: velocity,
+            spin: DVec3::ZERO,
+        })
+    }
+
+    /// Velocity of what moves a contact's body B, as prescribed, at the contact at t_n: a wall, with the sphere's centre of then, or an image in a
+    /// periodic box that deforms. `None`: nothing moves it.
     #[inline]
     pub fn start_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
+        if self.periodic.deforms && !c.meets_wall(model) {
+            return self.image_twist(model, c, 0);
+        }
         let course = self.course(model, c.b)?;
         Some(
             course
@@ -215,6 +240,9 @@ impl Walls {
     /// The same at t_{n+1}, with the corrected centre.
     #[inline]
     pub fn end_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
+        if self.periodic.deforms && !c.meets_wall(model) {
+            return self.image_twist(model, c, 1);
+        }
         let course = self.course(model, c.b)?;
         Some(course.end.twist(centre - model.radius[c.a as usize] * c.n1))
     }
@@ -242,6 +270,9 @@ impl Walls {
         from: DVec3,
         to: DVec3,
     ) -> Option<[DVec3; 2]> {
+        if self.periodic.deforms && c.image != IVec3::ZERO {
+            return Some([self.periodic.way(c.image.as_dvec3()), DVec3::ZERO]);
+        }
         let Course {
             start, end, turn, ..
         } = self.course(model, c.b)?;
@@ -294,7 +325,8 @@ impl Walls {
             let i = c.a as usize;
             let (on_ball, normal) = c.impulse();
             let x = position[i] - displacement(position, c.b);
-            let lever = model.periodic.nearest(x - self.point(model, c.b)) - model.radius[i] * c.n1;
+            let from_point = self.periodic.now.nearest(x - self.point(model, c.b));
+            let lever = from_point - model.radius[i] * c.n1;
             let on_wall = &mut out[model.wall(c.b).given as usize];
             on_wall[0] -= on_ball.impulse;
             on_wall[1] -= lever.cross(on_ball.impulse) + on_ball.moment;
@@ -342,7 +374,7 @@ pub fn proximity(model: &Model, walls: &Walls, c: &Contact, xa: DVec3, xb: DVec3
         walls.meet(model, c.a, c.b, xa - xb)
     } else {
         let (ra, rb) = (model.radius[c.a as usize], model.radius[c.b as usize]);
-        model.periodic.sphere_sphere(xa, ra, xb, rb)
+        walls.periodic.now.sphere_sphere(xa, ra, xb, rb)
     }
 }
 

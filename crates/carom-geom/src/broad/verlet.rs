@@ -10,6 +10,8 @@
 //! A wall is listed by its own distance, which changes by no more than the centre moves. One that has moved since is looked
 //! at directly: the list holds as long as every sphere within its need of the wall is on it. Triangles of a mesh are listed as
 //! much farther as spheres are; the list holds as long as none has moved by more (`meshes.rs`).
+//! Where a periodic box deforms, `x_ref` goes along with it. Distances of neighbours then grow as the box does: reaches of the
+//! list count as shorter by as much.
 //! A body with a negative need is absent: it has no pairs.
 //! `need_i` (m) is what the caller must not miss: how far body `i` may travel before the next call, plus its share
 //! of any gap that has to count as touching.
@@ -77,6 +79,8 @@ pub struct NeighbourList {
     /// Bodies that have numbers between those of spheres and walls.
     between: usize,
     periodic: Periodic,
+    /// The box at the last rebuild.
+    listed: Periodic,
     /// Which walls moved between the last two rebuilds: they are listed farther out.
     moving: Vec<bool>,
     skin: f64,
@@ -112,6 +116,7 @@ impl NeighbourList {
             fixed_walls: false,
             between: 0,
             periodic: Periodic::default(),
+            listed: Periodic::default(),
             moving: Vec::new(),
             skin: SKIN,
             adapt: true,
@@ -132,6 +137,11 @@ impl NeighbourList {
     pub fn set_periodic(&mut self, periodic: Periodic) {
         self.periodic = periodic;
         self.valid = false;
+    }
+
+    /// Sets what the box has deformed to.
+    pub fn deform(&mut self, periodic: Periodic) {
+        self.periodic = periodic;
     }
 
     /// Tells which walls are those of meshes (default: none), and how many of them, the first, are triangles. Triangles are listed, and
@@ -229,16 +239,36 @@ impl NeighbourList {
         }
         // One answer for all bodies instead of a jump out of the loop: it nearly always runs to its end, and
         // without a jump it vectorises. A NaN compares false and so asks for a rebuild.
+        if self.periodic != self.listed {
+            return self.follows_box(x, radius, need) && self.follows_walls(x, radius, walls, need);
+        }
         let mut good = true;
         for (((x, r), need), reference) in x.iter().zip(radius).zip(need).zip(&self.reference) {
             let slack = reference.extent - need - r;
             good &= (slack >= 0.0) & ((*x - reference.x).length_squared() <= slack * slack);
         }
+        good && self.follows_walls(x, radius, walls, need)
+    }
+
+    /// Whether the list still holds every pair of spheres in a box that has deformed.
+    fn follows_box(&self, x: &[DVec3], radius: &[f64], need: &[f64]) -> bool {
+        let back = self.periodic.lengthening(&self.listed);
+        let mut bodies = x.iter().zip(radius).zip(need).zip(&self.reference);
+        bodies.all(|(((x, r), need), reference)| {
+            let slack = reference.extent / back - need - r;
+            let from = self.listed.carried(reference.x, &self.periodic);
+            *need < 0.0 || (slack >= 0.0 && (*x - from).length_squared() <= slack * slack)
+        })
+    }
+
+    /// Whether it holds every pair of a sphere and a wall, where walls may have moved.
+    #[inline]
+    fn follows_walls(&self, x: &[DVec3], radius: &[f64], walls: &[Shape], need: &[f64]) -> bool {
         let moved = |w: usize| walls[w] != self.walls[w];
         let mut single = self.meshes.others(walls.len());
-        good && (self.fixed_walls
+        self.fixed_walls
             || (single.all(|w| !moved(w) || self.covers(w, &walls[w], x, radius, need))
-                && self.meshes.hold(&self.walls, walls)))
+                && self.meshes.hold(&self.walls, walls))
     }
 
     /// Whether every sphere within its need of a wall that has moved is listed with it. A NaN is never covered.
@@ -255,6 +285,7 @@ impl NeighbourList {
     fn rebuild(&mut self, x: &[DVec3], radius: &[f64], walls: &[Shape], need: &[f64]) {
         self.rebuilds += 1;
         self.valid = true;
+        self.listed = self.periodic;
         self.moving.clear();
         let old = self.walls.iter().map(Some).chain(std::iter::repeat(None));
         self.moving.extend(

@@ -1,7 +1,7 @@
 //! What a cascade works on: contacts and spheres in a few lines of memory each, since it looks far more often than it solves.
 
 use crate::pile::chunks;
-use crate::pile::closed_contact::{ClosedContact, ProblemImpulse};
+use crate::pile::closed_contact::{ClosedContact, ProblemImpulse, FIXED};
 use crate::pile::velocities::Velocities;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
@@ -88,6 +88,8 @@ pub(super) struct ContactGraph {
     /// Contacts at each node, node after node, and where each node's begin.
     at_node: Vec<NodeContact>,
     starts: Vec<u32>,
+    /// Velocity of body B's image against B, of contacts across a box that deforms; empty where none does.
+    images: Vec<DVec3>,
     /// Problem in which a node was last moved, 0: never.
     pub touched: Vec<u32>,
 }
@@ -137,6 +139,15 @@ impl ContactGraph {
         self.linear.push(DVec3::ZERO);
         let walls = velocity.driven.iter();
         self.linear.extend(walls.map(|[_, new]| *new));
+        let driven = |m: &ClosedContact| m.b != WORLD && m.driven != FIXED;
+        self.images.clear();
+        if closed.iter().any(driven) {
+            let of = |m: &ClosedContact| match driven(m) {
+                true => velocity.wall(m, 1),
+                false => DVec3::ZERO,
+            };
+            self.images.extend(closed.iter().map(of));
+        }
         self.touched.clear();
         self.touched.resize(bodies.len(), 0);
         self.list();
@@ -200,7 +211,10 @@ impl ContactGraph {
             let own = self.linear[node as usize];
             let (from, to) = (self.starts[node as usize], self.starts[node as usize + 1]);
             for beside in &self.at_node[from as usize..to as usize] {
-                let speed = (own - self.linear[beside.other as usize]).dot(beside.normal);
+                let mut speed = (own - self.linear[beside.other as usize]).dot(beside.normal);
+                if let Some(image) = self.images.get(beside.slot as usize) {
+                    speed -= image.dot(self.edges[beside.slot as usize].normal);
+                }
                 let closes =
                     speed < 0.0 && speed < -f64::from(self.edges[beside.slot as usize].closing);
                 closing.insert_if(closes, beside.slot);
