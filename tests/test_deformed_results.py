@@ -278,6 +278,20 @@ def test_a_film_shows_the_sheared_box(run: carom.Result, tmp_path: Path) -> None
     assert np.abs(pictures[0] - pictures[1]).max() > 50
 
 
+def test_the_live_view_keeps_balls_in_the_sheared_box(run: carom.Result) -> None:
+    from carom.show.viewer.live import Live
+
+    live = object.__new__(Live)  # without its server
+    live._result, live._every, live._scale, live._ends = run, 1, 2.0, (np.zeros(3), np.zeros(3))
+    for k in range(len(run.time)):
+        box = run.box(k).tilted
+        part = np.linalg.solve(box.vectors.T, (0.5 * live._bodies(k)[0] - box.centre).T)
+        assert np.abs(part).max() <= 0.5 + 1e-9
+        ends = live._corners(k)
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        assert np.sort(lengths) == pytest.approx(np.sort(np.repeat(2 * np.linalg.norm(box.vectors, axis=1), 4)))
+
+
 @pytest.mark.skipif(find_browser() is None, reason="needs a Chromium")
 def test_the_page_draws_the_sheared_box_and_keeps_the_balls_in_it(run: carom.Result, tmp_path: Path) -> None:
     path = write_html(run, tmp_path / "view.html").path
