@@ -101,11 +101,11 @@ class Deformation(Table):
 def _starts_at(law: LawValue, wanted: float, part: tuple[str | int, ...]) -> None:
     """The box at the start is the one that `periodic` gives; a law with another start would hide it."""
     start = value_at(law, 0.0)
-    if math.isfinite(start) and abs(start - wanted) > 1e-12:
+    if math.isfinite(start) and start != wanted:
         constant = not isinstance(law, dict)
         cure = (
             f'write a law of the time: {{ expression = "{"1 - 0.1*t" if wanted else "2*t"}" }}'
             if constant
             else f"{'divide by' if wanted else 'subtract'} its first value, or give other lengths in periodic"
         )
-        raise refuse(f"must be {wanted:g} at t = 0, found {start:.6g}", cure, part)
+        raise refuse(f"must be {wanted:g} at t = 0, found {start!r}", cure, part)
