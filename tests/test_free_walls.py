@@ -238,7 +238,6 @@ def test_a_light_wall_that_goes_far_in_a_step_is_told() -> None:
         ({}, "mass"),
         ({"mass": 0.0}, "mass"),
         ({"mass": 1.0, "force": 1.0, "pressure": 2.0, "area": 1.0}, "both force and pressure"),
-        ({"mass": 1.0, "pressure": 2.0}, "pressure is given without area"),
         ({"mass": 1.0, "area": 2.0}, "area is given without pressure"),
         ({"mass": 1.0, "forze": 2.0}, "unknown key"),
     ],
@@ -261,3 +260,68 @@ def test_what_cannot_be_free_is_refused() -> None:
     for method in ("penalty", "events"):
         with pytest.raises(CaromError, match="free walls"):
             carom.simulate(scene, step=1e-3, until=0.01, method=method)
+
+
+def cell(
+    *, pressure: object = 1000.0, side: float = 0.1, mass: float = 0.05, **motion: object
+) -> carom.Scene:
+    """Six planes about the origin: those along z press, one along x moves as prescribed if `motion` is given."""
+    scene = carom.Scene()
+    scene.world.gravity = (0.0, 0.0, 0.0)
+    scene.contact("glass", "glass", friction=0.3, restitution=0.2)
+    for axis, name in enumerate("xyz"):
+        for sign in (1, -1):
+            point, normal = np.zeros(3), np.zeros(3)
+            point[axis], normal[axis] = -0.5 * sign * side, sign
+            given: dict = {"free": {"mass": mass, "pressure": pressure}}
+            if motion and axis < 2:
+                given = {"motion": motion} if (axis, sign) == (0, -1) else {}
+            scene.plane(f"{name}{sign:+d}", point=point, normal=normal, material="glass", **given)
+    return scene
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+def test_a_pressure_follows_the_area_between_the_walls_around(method: str) -> None:
+    # One ball between two plates that press; a wall beside them moves out.
+    scene = cell(translation=[{"expression": "0.2*t"}, 0, 0], pressure={"expression": "1000+500*t"})
+    scene.sphere("ball", radius=0.02, mass=0.02, position=(0, 0, 0), material="glass")
+    scene.walls["z+1"].free.velocity = scene.walls["z-1"].free.velocity = 0.1
+    result = carom.simulate(scene, step=1e-4, until=0.4, every=10, method=method)
+    time = np.asarray(result.time)[-50:]
+    force = (1000 + 500 * time) * 0.1 * (0.1 + 0.2 * time)
+    for name, sign in (("z+1", -1), ("z-1", 1)):
+        assert sign * result.walls[name].force[-50:, 2] == pytest.approx(force, rel=1e-3)
+    energy = result.summary["energy"]
+    assert energy["max_rise_relative"] < 1e-9
+
+
+def test_a_cell_of_six_free_planes_holds_its_pressure_as_it_shrinks() -> None:
+    scene = cell(side=0.16, mass=0.02)
+    scene.packing("grain", material="glass", density=2500, seed=3, count=100, diameter=0.02,
+                  low=(-0.08,) * 3, high=(0.08,) * 3)  # fmt: skip
+    result = carom.simulate(scene, step=2e-4, until=0.5, every=25, impact="one-shot", pile_tolerance=1e-5)
+    place = {name: result.walls[name].position[:, axis] for axis, axis_name in enumerate("xyz")
+             for name in (f"{axis_name}+1", f"{axis_name}-1")}  # fmt: skip
+    lengths = np.array([place[f"{name}-1"] - place[f"{name}+1"] for name in "xyz"])
+    assert (lengths[:, -1] < 0.8 * 0.16).all()
+    late = slice(-20, None)
+    for axis, name in enumerate("xyz"):
+        area = np.prod(lengths[[k for k in range(3) if k != axis]], axis=0)
+        for sign in (1, -1):
+            pressure = -sign * result.walls[f"{name}{sign:+d}"].force[:, axis] / area
+            assert pressure[late].mean() == pytest.approx(1000.0, rel=0.01)
+    assert result.summary["unconverged"] == 0
+
+
+def test_an_area_that_nothing_encloses_is_refused() -> None:
+    scene = one_ball(mass=0.2, pressure=100.0)
+    scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+    with pytest.raises(ScenarioError, match="pressure without area"):
+        carom.simulate(scene, step=1e-3, until=0.1)
+    # Two periods do, and so does an area.
+    for change in ({"periodic": (0.1, 0.1, 0)}, {}):
+        scene = one_ball(mass=0.2, pressure=100.0, **({} if change else {"area": 0.01}))
+        scene.world.periodic = change.get("periodic")
+        scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+        result = carom.simulate(scene, step=1e-3, until=0.2, every=1)
+        assert result.walls["lid"].force[-1, 2] == pytest.approx(0.2 * G + 1.0, rel=1e-9)

@@ -164,23 +164,21 @@ class Simulation:
     - `"until"`, s: when the wall is taken away; without the key it stays
 
     `free_walls` is a list of `{"wall": int, "mass": kg, "velocity": m/s, "weighs": bool, "force": law}`: the first planes,
-    which move along their normals, with the force of the law along them. Their state stands behind that of the balls in
-    `state()`; frames have `free_walls (F, walls, 2)`, displacement and velocity along the normal.
+    which move along their normals, with the force of the law along them. With `"area": [side, side]` the law is a pressure
+    on the area between these sides: `("period", axis)`, or `("between", wall, wall)`. Their state stands behind that of the
+    balls in `state()`; frames have `free_walls (F, walls, 2)`, displacement and velocity along the normal.
 
     `clumps` is a list of `{"balls": (first, stop), "mass": kg, "inertia": principal moments (3,), "position": centre of
     mass, "orientation": quaternion of the principal axes, "velocity", "angular_velocity"}`: rigid bodies of successive
     balls. Frames have `clumps (F, clumps, 13)`: position, orientation, velocity, angular velocity.
 
-    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. Where it deforms, `deformation`:
-    `{"stretch": (law, law, law), "shear": law, "flow": int, "gradient": int}`, laws of the time or `None` where nothing
-    changes: factors on the lengths, and the strain by which the image one up along `gradient` is displaced along `flow`.
-    Velocities given are against the mean flow. Frames have `box (F, 4)`: lengths along x, y, z, or 0, and the offset of
-    that image, m.
+    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `deformation`: `{"stretch": (law or None,)
+    * 3, "shear": law or None, "flow": axis, "gradient": axis}`, its lengths over those given and its shear strain over time;
+    frames then have `box (F, 4)`, lengths and the displacement of the image one up along the gradient, m.
 
-    `inflow`: list of `{"bodies": (first,
-    count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate": 1/s or 0, "start": s, "velocity": (3,),
-    "spread": m/s per component, "seed": int}`, whose balls are absent until they enter. `outlet`: list of
-    `(low, high, inside)`.
+    `inflow`: list of `{"bodies": (first, count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate":
+    1/s or 0, "start": s, "velocity": (3,), "spread": m/s per component, "seed": int}`, whose balls are absent until they
+    enter. `outlet`: list of `(low, high, inside)`.
 
     Impulses on walls are recorded if any wall has a motion or is free, or with `"record_walls": True`. With
     `"drop_impacts": True` the table of impacts stays empty, with `"every_impact": True` piles have a row in it for each

@@ -5,7 +5,7 @@ use crate::clump;
 use crate::cohesion;
 use crate::contact::Contact;
 use crate::deformation;
-use crate::force::total::{motion_of, power, weight_potential};
+use crate::force::total::{motion_of, power, wall_work, weight_potential};
 use crate::model::Model;
 use crate::options::Method;
 use crate::outcome::Failure;
@@ -70,8 +70,9 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         &scratch.contacts,
     );
     for (wall, i) in model.free_walls.iter().zip(model.first_wall()..) {
-        let way = [state.position[i], scratch.position[i]];
-        report.energy_work += wall.work(span, way);
+        let displaced = &state.position[model.first_wall()..];
+        let way = scratch.position[i] - state.position[i];
+        report.energy_work += wall_work(model, wall, displaced, span, way);
     }
     write(model, state, scratch);
     if !model.is_free() {

@@ -194,14 +194,6 @@ impl Model {
         self.free_walls.get(wall)
     }
 
-    /// Acceleration of a body by its weight, and by the given force of a free wall, at a time, m/s^2.
-    pub fn own_acceleration(&self, body: usize, time: f64) -> DVec3 {
-        match self.free_wall(body) {
-            Some(wall) => wall.gravity + self.inv_mass[body] * wall.force(time),
-            None => self.gravity,
-        }
-    }
-
     /// Gravity as a body feels it, m/s^2: of a free wall along its normal.
     #[inline]
     pub fn gravity_of(&self, body: usize) -> DVec3 {

@@ -94,13 +94,14 @@ impl Simulation {
             recorder.block.events.append(&mut first.events);
         }
         let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
+        let displaced = &state.position[model.first_wall()..];
         for i in 0..model.bodies() {
             kinetic += model.kinetic(i, state.velocity[i], state.angular_velocity[i]);
             if state.present[i] {
                 potential += weight_potential(&model, i, state.position[i]);
             }
             let pull = match model.free_wall(i) {
-                Some(_) => own_force(&model, i, 0.0).length(),
+                Some(_) => own_force(&model, displaced, i, 0.0).length(),
                 None => model.mass[i] * model.gravity.length(),
             };
             static_scale += pull * model.radius[i];

@@ -9,7 +9,7 @@ use crate::clump;
 use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::finish::finish;
-use crate::force::total::{motion_of, power};
+use crate::force::total::{motion_of, power, wall_force};
 use crate::force::{evaluated, LoadError};
 use crate::level::{smooth, Demand, Task};
 use crate::loads_once;
@@ -70,14 +70,18 @@ pub(crate) fn predict_and_smooth(on: &mut Step) -> Result<(), Failure> {
     }
     scratch.wall_impulse.fill([DVec3::ZERO; 2]);
     evaluated(scratch.walls.begin(model, span), &mut scratch.load_error)?;
-    evaluated(check_forces(model, span), &mut scratch.load_error)?;
+    let displaced = &on.state.position[model.first_wall()..];
+    evaluated(
+        check_forces(model, displaced, span),
+        &mut scratch.load_error,
+    )?;
     smooth::solve(on)
 }
 
 /// Refuses forces on free walls that are no numbers.
-fn check_forces(model: &Model, span: Span) -> Result<(), LoadError> {
+fn check_forces(model: &Model, displaced: &[DVec3], span: Span) -> Result<(), LoadError> {
     for (wall, body) in model.free_walls.iter().zip(model.first_wall()..) {
-        let force = wall.force(span.end);
+        let force = wall_force(model, wall, displaced, span.end);
         if !force.is_finite() {
             let text = format!("force {force} N at t = {} s", span.end);
             return Err(LoadError::on(body as u32, text));

@@ -2,8 +2,10 @@
 
 mod common;
 
+use carom_core::clump::body::ClumpInput;
 use carom_core::deformation::law::Deformation;
 use carom_core::options::Method;
+use carom_core::report::StepReport;
 use carom_core::{ModelInput, Options, Simulation};
 use carom_geom::DVec3;
 use carom_laws::Scalar;
@@ -159,6 +161,73 @@ fn a_contact_across_a_border_that_shears_is_one_with_a_ball_that_is_as_fast_as_t
                     "{place}"
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn cohesion_and_clumps_reach_across_a_border_that_shears() {
+    let length = 8.0 * R;
+    let rate = 1.5;
+    let at = [
+        [0.1 * R, 0.0, 2.2 * R],
+        [0.0, 0.2 * R, -3.4 * R],
+        [0.0, 2.2 * R, -3.4 * R],
+    ];
+    for clumped in [false, true] {
+        let count = if clumped { 3 } else { 2 };
+        let mut input = balls(&at[..count], &[]);
+        input.laws = vec![(0, 0, [0.3, 0.2, 0.0, 0.0, 0.0])];
+        if clumped {
+            input.clumps = vec![ClumpInput {
+                balls: 1..3,
+                mass: 2.0 * MASS,
+                inertia: [2.8 * MASS * R * R, 0.8 * MASS * R * R, 2.8 * MASS * R * R],
+                position: [0.0, 1.2 * R, -3.4 * R],
+                orientation: [1.0, 0.0, 0.0, 0.0],
+                velocity: [0.0; 3],
+                angular_velocity: [0.0; 3],
+            }];
+        } else {
+            (input.cohesion, input.rupture_distance) = (vec![0.2], vec![0.6 * R]);
+        }
+        input.periodic = [length; 3];
+        input.periodic_origin = [-0.5 * length; 3];
+        input.deformation = shear(rate, 0, 2);
+        input.velocity[0] = [0.0, 0.0, 0.3];
+        let mut free = input.clone();
+        (free.deformation, free.periodic) = (None, [0.0; 3]);
+        for x in &mut free.position[1..] {
+            x[2] += length;
+        }
+        for clump in &mut free.clumps {
+            clump.position[2] += length;
+            clump.velocity[0] = rate * clump.position[2];
+        }
+        for (v, x) in free.velocity.iter_mut().zip(&free.position) {
+            v[0] += rate * x[2];
+        }
+        let mut runs = [&input, &free].map(|input| simulation(input, options(2e-4)));
+        for s in &mut runs {
+            assert!(advance(s, 400).is_none());
+            assert!(!s.recorder.block.impacts.is_empty());
+            let loss = |r: &StepReport| r.energy_kinetic + r.energy_potential;
+            let steps = &s.recorder.block.steps;
+            let [first, last] = [steps.first(), steps.last()].map(|r| loss(r.expect("steps")));
+            let work: f64 = steps[1..].iter().map(|r| r.energy_work).sum();
+            assert!(
+                last - first - work < 1e-4 * first,
+                "{}",
+                last - first - work
+            );
+        }
+        let offset = DVec3::new(rate * length, 0.0, 0.0);
+        let [a, b] = [&runs[0].state, &runs[1].state];
+        for i in 0..count {
+            let by = if i == 0 { DVec3::ZERO } else { offset };
+            let off = a.velocity[i] + by - b.velocity[i];
+            assert!(off.length() < 1e-11, "{clumped} {i} {off}");
+            assert!((a.angular_velocity[i] - b.angular_velocity[i]).length() < 1e-9);
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::arrays::{ids, item, rows};
 use crate::coupling::{law, list, refuse, three_laws, vector};
 use carom_core::clump::body::ClumpInput;
 use carom_core::wall::{Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
-use carom_core::wall::{FreeWallInput, WallMotion, WallRotation};
+use carom_core::wall::{FreeWallInput, Side, WallMotion, WallRotation};
 use glam::DVec3;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -147,9 +147,27 @@ pub fn free_walls(dict: &Bound<'_, PyDict>) -> PyResult<Vec<FreeWallInput>> {
                 velocity: item(given, "velocity")?.extract()?,
                 weighs: item(given, "weighs")?.extract()?,
                 force: law(&item(given, "force")?)?,
+                area: match given.get_item("area")? {
+                    Some(sides) => Some(area(&sides)?),
+                    None => None,
+                },
             })
         })
         .collect()
+}
+
+/// Two sides, `("period", axis)` or `("between", wall, wall)`.
+fn area(sides: &Bound<'_, PyAny>) -> PyResult<[Side; 2]> {
+    let side = |given: &Bound<'_, PyTuple>| -> PyResult<Side> {
+        let number = |k: usize| given.get_item(k)?.extract::<u32>();
+        match given.get_item(0)?.extract::<String>()?.as_str() {
+            "period" => Ok(Side::Period(number(1)? as usize)),
+            "between" => Ok(Side::Between(number(1)?, number(2)?)),
+            other => Err(refuse(format!("a side of kind {other} is not known"))),
+        }
+    };
+    let [a, b]: [Bound<'_, PyTuple>; 2] = sides.extract()?;
+    Ok([side(&a)?, side(&b)?])
 }
 
 /// Clumps: `{"balls": (first, stop), "mass", "inertia", "position", "orientation", "velocity", "angular_velocity"}`.

@@ -114,15 +114,13 @@ fn compile_free_walls(input: &ModelInput, walls: &mut [Wall]) -> Result<Vec<Free
     for (index, given) in input.free_walls.iter().enumerate() {
         let of_wall = |(quantity, text)| entry("free wall", index, quantity, text);
         positive("free wall", index, "mass", given.mass)?;
-        let wall = walls
-            .get_mut(index)
-            .filter(|_| given.wall as usize == index);
-        let Some(wall) = wall else {
+        if given.wall as usize != index || index >= walls.len() {
             let text = format!("is {}; free walls are the first ones, in order", given.wall);
             return Err(of_wall(("wall", text)));
-        };
-        free.push(FreeWall::new(wall, given, gravity).map_err(of_wall)?);
-        wall.set_free();
+        }
+        let world = (gravity, input.periodic);
+        free.push(FreeWall::new(walls, given, world).map_err(of_wall)?);
+        walls[index].set_free();
     }
     Ok(free)
 }

@@ -2,6 +2,7 @@
 
 use crate::contact::ContactKey;
 use crate::deformation::join_flow;
+use crate::force::total::own_acceleration;
 use crate::level::smooth_newton::initial_accelerations;
 use crate::model::{InitialState, Model};
 use crate::outcome::ModelError;
@@ -15,7 +16,8 @@ const ACROSS: f64 = 1e-9;
 impl State {
     /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
     pub fn new(model: &Model, initial: InitialState) -> State {
-        let begin = |i| [model.own_acceleration(i, 0.0), DVec3::ZERO];
+        let displaced = &initial.position[model.first_wall()..];
+        let begin = |i| [own_acceleration(model, displaced, i, 0.0), DVec3::ZERO];
         let start: Vec<_> = (0..model.bodies()).map(begin).collect();
         let mut state = State {
             step: 0,

@@ -3,6 +3,9 @@
 use crate::force::{Dependence, LoadError, Motion};
 use crate::model::Model;
 use crate::state::State;
+use crate::stepper::Span;
+use crate::wall::{FreeWall, Side};
+use carom_geom::Shape;
 use glam::DVec3;
 
 /// Adds all loads at a motion to `wrench (N)`. A law that leaves its domain, or a function of the user that gives no
@@ -37,11 +40,64 @@ pub fn weight(model: &Model, i: usize) -> DVec3 {
     model.mass[i] * model.gravity_of(i)
 }
 
-/// Weight of body `i`, and the given force if it is a free wall, at a time, N.
+/// How long a side of an area is, m, with free walls displaced so, and all others where they are at a time.
+fn length(model: &Model, side: Side, displaced: &[DVec3], time: f64) -> f64 {
+    let place = |index: u32| {
+        let wall = &model.walls[index as usize];
+        let moved = match (displaced.get(index as usize), &wall.motion) {
+            (Some(by), _) => *by,
+            (None, Some(motion)) => motion.at(time).0.shift,
+            (None, None) => DVec3::ZERO,
+        };
+        (wall.shape.place() + moved, wall.shape)
+    };
+    match side {
+        Side::Period(axis) => model.periodic_at(time)[axis],
+        Side::Between(a, b) => match place(a) {
+            (from, Shape::HalfSpace { normal, .. }) => normal.dot(place(b).0 - from).max(0.0),
+            _ => 0.0,
+        },
+    }
+}
+
+/// The given force of a free wall at a time, N. The area of a pressure is that of t_n, where free walls were displaced so: what presses a wall must not
+/// depend on what it is looked for.
+pub fn wall_force(model: &Model, wall: &FreeWall, displaced: &[DVec3], time: f64) -> DVec3 {
+    let sides = wall.area.iter().flatten();
+    let area: f64 = sides
+        .map(|side| length(model, *side, displaced, time))
+        .product();
+    area * wall.pushed(time)
+}
+
+/// Work of the given force of a free wall in a step, J, in which it goes this way. Where impacts change its velocity within the step, places tell that
+/// work and velocities do not.
+pub fn wall_work(
+    model: &Model,
+    wall: &FreeWall,
+    displaced: &[DVec3],
+    span: Span,
+    way: DVec3,
+) -> f64 {
+    let at = |time| wall_force(model, wall, displaced, time);
+    0.5 * (at(span.start) + at(span.end)).dot(way)
+}
+
+/// Acceleration of a body by its weight, and by the given force of a free wall, at a time, m/s^2.
+pub fn own_acceleration(model: &Model, displaced: &[DVec3], body: usize, time: f64) -> DVec3 {
+    match model.free_wall(body) {
+        Some(wall) => {
+            wall.gravity + model.inv_mass[body] * wall_force(model, wall, displaced, time)
+        }
+        None => model.gravity,
+    }
+}
+
+/// Weight of body `i`, and the given force if it is a free wall, at a time, N; free walls were `displaced` so at t_n.
 #[inline]
-pub fn own_force(model: &Model, i: usize, time: f64) -> DVec3 {
+pub fn own_force(model: &Model, displaced: &[DVec3], i: usize, time: f64) -> DVec3 {
     match model.free_wall(i) {
-        Some(wall) => weight(model, i) + wall.force(time),
+        Some(wall) => weight(model, i) + wall_force(model, wall, displaced, time),
         None => weight(model, i),
     }
 }

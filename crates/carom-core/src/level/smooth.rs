@@ -46,6 +46,7 @@ pub fn solve(on: &mut Step) -> Result<(), Failure> {
 /// The motion under the weight, and of free walls under their forces, alone.
 fn predict(on: &mut Step) {
     let (model, state, coefficients, end) = (on.model, &*on.state, on.coefficients, on.span.end);
+    let displaced = &state.position[model.first_wall()..];
     let scratch = &mut *on.scratch;
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
     let (threads, n) = (model.options.threads as usize, model.bodies());
@@ -58,7 +59,7 @@ fn predict(on: &mut Step) {
         for (k, i) in (first..first + linear.len()).enumerate() {
             let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
             let mut p = coefficients.predict(state.velocity[i], a, acc);
-            let f = own_force(model, i, end);
+            let f = own_force(model, displaced, i, end);
             coefficients.correct(&mut p, per_velocity * model.inv_mass[i] * f);
             position[k] = state.position[i] + p.displacement;
             linear[k] = p;
@@ -89,7 +90,7 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
     let tolerance = model.options.tolerance.min(TOLERANCE);
     let (scratch, report) = (&mut *on.scratch, &mut *on.report);
     let said = &mut scratch.load_error;
-    evaluated(scratch.smooth.begin(model, weights.time), said)?;
+    evaluated(scratch.smooth.begin(model, on.state, weights.time), said)?;
     for iteration in 0..=model.options.max_iterations {
         let (linear, angular) = (&mut scratch.linear, &mut scratch.angular);
         let (smooth, trial) = (&mut scratch.smooth, &mut scratch.trial);

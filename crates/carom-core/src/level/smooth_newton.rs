@@ -86,6 +86,8 @@ pub struct SmoothScratch {
     /// Share of each sphere; those of the groups come first.
     residual_of: Vec<u32>,
     residuals: Vec<ResidualTerms>,
+    /// Displacements of free walls at t_n.
+    displaced: Vec<DVec3>,
     /// First row of each joint among all joint rows.
     pub first_row: Vec<u32>,
     /// Smooth reactions lambda of all joint rows, N or N m.
@@ -165,7 +167,9 @@ impl SmoothScratch {
     }
 
     /// Starts a sub-problem: forgets the reactions and speeds of the last one. A joint's law may have left its domain.
-    pub fn begin(&mut self, model: &Model, time: f64) -> Result<(), LoadError> {
+    pub fn begin(&mut self, model: &Model, state: &State, time: f64) -> Result<(), LoadError> {
+        self.displaced.clear();
+        (self.displaced).extend_from_slice(&state.position[model.first_wall()..]);
         self.lambda.fill(0.0);
         self.residuals.fill(ResidualTerms::default());
         for (index, joint) in model.joints.iter().enumerate() {
@@ -242,7 +246,7 @@ impl SmoothScratch {
         trial.wrench = wrench;
         loaded?;
         for (i, w) in trial.wrench.iter_mut().enumerate() {
-            let weight = own_force(model, i, weights.time);
+            let weight = own_force(model, &self.displaced, i, weights.time);
             let terms = &mut self.residuals[self.residual_of[i] as usize];
             terms.parts += weight.length();
             w[0] += weight;

@@ -10,7 +10,7 @@ use super::{Coefficients, Span};
 use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::force::evaluated;
-use crate::force::total::{add_loads, motion_of};
+use crate::force::total::{add_loads, motion_of, own_acceleration};
 use crate::level::Demand;
 use crate::model::Model;
 use crate::outcome::{BlowUp, Failure, Level};
@@ -102,9 +102,10 @@ fn weigh_loads(
     let mut wrench = vec![[DVec3::ZERO; 2]; model.bodies()];
     let added = add_loads(model, &motion_of(state, time), &mut wrench);
     evaluated(added, &mut scratch.load_error)?;
+    let displaced = state.position[model.first_wall()..].to_vec();
     for (i, [force, moment]) in wrench.into_iter().enumerate() {
         let pair = [
-            model.own_acceleration(i, time) + model.inv_mass[i] * force,
+            own_acceleration(model, &displaced, i, time) + model.inv_mass[i] * force,
             model.inv_inertia[i] * moment,
         ];
         // The state is saved where a run stops, and read again only if it holds nothing but numbers.

@@ -4,13 +4,23 @@
 //! problem. Its guide takes what acts across the normal, and all moments.
 
 use super::Wall;
-use crate::stepper::Span;
 use carom_geom::Shape;
 use carom_laws::Scalar;
 use glam::DVec3;
 
 /// Moment of inertia of a free wall, kg m^2: its guide lets nothing turn it. Smaller: moments of rolling friction turn it by what numbers can tell.
 pub const HELD_INERTIA: f64 = 1e30;
+/// Cosine (1) by which planes may differ from parallel ones that an area lies between: rounding of directions. Larger: lengths between them have no meaning.
+const ACROSS: f64 = 1e-9;
+
+/// A length across a free wall, which may change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Side {
+    /// A periodic box has along this axis.
+    Period(usize),
+    /// Two parallel planes have between them: indices of walls.
+    Between(u32, u32),
+}
 
 /// A free wall as it is given.
 #[derive(Clone, Debug)]
@@ -23,8 +33,10 @@ pub struct FreeWallInput {
     pub velocity: f64,
     /// Whether gravity pulls it along its normal.
     pub weighs: bool,
-    /// What pushes it along its normal, N, a law of time.
+    /// What pushes it along its normal, N, a law of time; with an area a pressure, Pa.
     pub force: Scalar,
+    /// Both sides of the area on which a pressure acts.
+    pub area: Option<[Side; 2]>,
 }
 
 /// A free wall of a model.
@@ -33,17 +45,19 @@ pub struct FreeWall {
     pub normal: DVec3,
     /// Along the normal, m/s^2.
     pub gravity: DVec3,
-    /// Along the normal, N, a law of time.
+    /// Along the normal, N, a law of time; with an area Pa.
     force: Scalar,
+    pub area: Option<[Side; 2]>,
 }
 
 impl FreeWall {
     /// Of a plane under gravity; quantity and what is wrong where it is none.
     pub fn new(
-        wall: &Wall,
+        walls: &[Wall],
         input: &FreeWallInput,
-        gravity: DVec3,
+        (gravity, periodic): (DVec3, [f64; 3]),
     ) -> Result<FreeWall, (&'static str, String)> {
+        let wall = &walls[input.wall as usize];
         let Shape::HalfSpace { normal, .. } = wall.shape else {
             return Err(("shape", "must be a plane without end".to_owned()));
         };
@@ -57,6 +71,9 @@ impl FreeWall {
         }
         let law = &input.force;
         law.check_at_start().map_err(|text| ("force", text))?;
+        for side in input.area.iter().flatten() {
+            side.check(walls, periodic).map_err(|text| ("area", text))?;
+        }
         let along = if input.weighs {
             gravity.dot(normal)
         } else {
@@ -66,17 +83,31 @@ impl FreeWall {
             normal,
             gravity: along * normal,
             force: input.force.clone(),
+            area: input.area,
         })
     }
 
-    /// The given force at a time, N.
-    pub fn force(&self, time: f64) -> DVec3 {
+    /// The given force along the normal at a time, N; with an area the pressure, Pa.
+    pub fn pushed(&self, time: f64) -> DVec3 {
         self.force.value(time) * self.normal
     }
+}
 
-    /// Work of the force in a step, J, in which the wall moves from one place to another. Where impacts change its velocity within the step,
-    /// places tell that work and velocities do not.
-    pub fn work(&self, span: Span, [from, to]: [DVec3; 2]) -> f64 {
-        0.5 * (self.force(span.start) + self.force(span.end)).dot(to - from)
+impl Side {
+    /// What is wrong with it, if anything is.
+    fn check(self, walls: &[Wall], periodic: [f64; 3]) -> Result<(), String> {
+        let fits = match self {
+            Side::Period(axis) => periodic.get(axis).is_some_and(|l| *l > 0.0),
+            Side::Between(a, b) => {
+                let plane = |index: u32| walls.get(index as usize).map(|wall| wall.shape);
+                matches!((plane(a), plane(b)),
+                    (Some(Shape::HalfSpace { normal: m, .. }), Some(Shape::HalfSpace { normal: n, .. }))
+                        if m.dot(n) < ACROSS - 1.0)
+            }
+        };
+        match fits {
+            true => Ok(()),
+            false => Err("is between no two parallel planes, and no period".to_owned()),
+        }
     }
 }

@@ -11,7 +11,7 @@ pub mod places;
 
 pub use carom_geom::{BadTriangle, Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
 pub use check::{checked, finite as place, length, positive as size};
-pub use free::{FreeWall, FreeWallInput, HELD_INERTIA};
+pub use free::{FreeWall, FreeWallInput, Side, HELD_INERTIA};
 pub use motion::{WallMotion, WallRotation, WallTwist};
 
 use glam::DVec3;

@@ -35,7 +35,7 @@ pub struct WallMotion {
 
 /// A moving wall at one time.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Instant {
+pub(crate) struct Instant {
     /// Point that the rotation is about, its velocity, and the wall's angular velocity.
     pub centre: DVec3,
     pub velocity: DVec3,
@@ -99,7 +99,7 @@ impl WallMotion {
     }
 
     /// Place against the given one, and motion, at a time. At a kink the motion is that after it.
-    pub(super) fn at(&self, t: f64) -> (Displacement, Instant) {
+    pub(crate) fn at(&self, t: f64) -> (Displacement, Instant) {
         self.by(t, &|law| law.slope(t))
     }
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
+from carom.scene.assembly.areas import sides
 from carom.scene.assembly.bodies import Bodies, expand
 from carom.scene.assembly.mechanics import MECHANICS, joints_for_core, loads_for_core, numbers, references
 from carom.scene.assembly.placing import Placed, motion_for_core, placed_walls
@@ -80,7 +81,7 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
         "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
         **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in keys},
         **mechanics,
-        **_surfaces(surfaces, len(planes), materials),
+        **_surfaces(surfaces, len(planes), materials, tree.world.periodic),
         **_clumps(tree, balls),
         **_world(tree, balls),
         "options": tree.run.options(),
@@ -111,7 +112,9 @@ def _mechanics(tree: Scenario, balls: Bodies) -> dict[str, Any] | None:
     return found | {key: rows for key, rows in (("joints", joints), ("loads", loads)) if rows}
 
 
-def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) -> dict[str, Any]:
+def _surfaces(
+    surfaces: list[Placed], planes: int, materials: dict[str, int], periods: Sequence[float] | None
+) -> dict[str, Any]:
     """Walls that are no half-spaces, and how walls move, each only if there are any."""
     shapes, meshes = [], []
     for wall in surfaces[planes:]:
@@ -122,7 +125,11 @@ def _surfaces(surfaces: list[Placed], planes: int, materials: dict[str, int]) ->
         else:
             shapes.append({"shape": wall.shape} | about)
     motions = [(k, motion_for_core(wall)) for k, wall in enumerate(surfaces) if wall.motion is not None]
-    free = [wall.free.for_core(k) for k, wall in enumerate(surfaces) if wall.free is not None]
+    free = [
+        wall.free.for_core(k, sides(k, surfaces, periods) if wall.free.follows() else ())
+        for k, wall in enumerate(surfaces)
+        if wall.free is not None
+    ]
     found = (("walls", shapes), ("meshes", meshes), ("wall_motion", motions), ("free_walls", free))
     return {key: rows for key, rows in found if rows}
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from carom.scene.assembly.areas import area
 from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot, norm
 from carom.scene.checks.walls import called
@@ -145,6 +146,10 @@ def _advise_free(parts: Parts, wall: Placed, free: Free) -> Iterator[Finding]:
         return
     law, times = free.law(), np.linspace(0.0, run.until, SAMPLES + 1).tolist()
     force = max(abs(value_at(law, t)) for t in times)
+    if free.follows():
+        surfaces = parts.walls()
+        periods = parts.world.periodic if parts.world is not None else None
+        force *= area(surfaces.index(wall), surfaces, periods)
     by_force = 0.5 * force / free.mass * run.step**2
     travel = (by_force + abs(free.velocity) * run.step) / float(bodies.radius.min())
     if math.isfinite(travel):

@@ -18,6 +18,7 @@ from carom.errors import did_you_mean, quoted
 from carom.scene.assembly.bodies import Bodies, expand
 from carom.scene.assembly.mechanics import MECHANICS
 from carom.scene.assembly.placing import Placed, placed_walls
+from carom.scene.checks.areas import check_areas
 from carom.scene.checks.attachments import check_names
 from carom.scene.checks.clumps import check_clumps, check_size, usable_clumps
 from carom.scene.checks.deformation import check_deformation
@@ -111,6 +112,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     if not bad_numbers:
         yield from check_walls(parts)
         yield from check_periodic(parts, parts.world)
+        yield from check_areas(parts)
         yield from check_size(parts)
         yield from check_flow(parts)
         yield from _overlaps(parts)
