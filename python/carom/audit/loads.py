@@ -153,7 +153,8 @@ def _argument(run: Run, forms: tuple[Any, ...]) -> F64:
     def slope(form: Any) -> F64:
         if form[0] in ("times", "pressure"):
             factor, of, *pressed = form[1]
-            return np.abs(factor * law(of, end)[1] * (np.interp(end, *pressed) if pressed else 1.0))
+            area = np.interp(end, *pressed) if pressed else 1.0
+            return np.asarray(np.abs(factor * law(of, end)[1] * area))
         return np.abs(law(form, end)[1])
 
     slopes = [slope(form) for form in forms]
