@@ -75,7 +75,8 @@ def main() -> int:
     mass = 0.1 * volume * DENSITY
     made = cell(0.0, mass, np.full(3, -0.5 * side), np.full(3, 0.5 * side), None)
     made.packing("grain", material="glass", density=DENSITY, seed=1, count=args.grains, sizes="uniform",
-                 smallest=0.8 * DIAMETER, largest=1.2 * DIAMETER, low=(-0.5 * side,) * 3, high=(0.5 * side,) * 3)  # fmt: skip
+                 smallest=0.8 * DIAMETER, largest=1.2 * DIAMETER,
+                 low=(-0.5 * side,) * 3, high=(0.5 * side,) * 3)  # fmt: skip
     packed = carom.simulate(made, step=STEP, until=20 * TIME, every=20, **OPTIONS)
     low, high = corners(packed, -1)
     print(
