@@ -289,7 +289,9 @@ def test_the_live_view_keeps_balls_in_the_sheared_box(run: carom.Result) -> None
         assert np.abs(part).max() <= 0.5 + 1e-9
         ends = live._corners(k)
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        assert np.sort(lengths) == pytest.approx(np.sort(np.repeat(2 * np.linalg.norm(box.vectors, axis=1), 4)))
+        assert np.sort(lengths) == pytest.approx(
+            np.sort(np.repeat(2 * np.linalg.norm(box.vectors, axis=1), 4))
+        )
 
 
 @pytest.mark.skipif(find_browser() is None, reason="needs a Chromium")
