@@ -108,7 +108,10 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "both force and pressure are given": [
         ("free.pressure", FREE_PLANE + "free = { mass = 1.0, force = 1.0, pressure = 1.0, area = 1.0 }\n")
     ],
-    "... is given without ...": [("free.area", FREE_PLANE + "free = { mass = 1.0, area = 1.0 }\n")],
+    "area is given without pressure": [("free.area", FREE_PLANE + "free = { mass = 1.0, area = 1.0 }\n")],
+    "pressure without area, and no rectangle across the normal that it could act on": [
+        ("free.pressure", FREE_PLANE + "free = { mass = 1.0, pressure = 1.0 }\n")
+    ],
     "... balls do not fill a ...": [
         ("rack", f'[[rack]]\nname = "r"\n{SPHERE}balls = 7\napex = [3,3,3]\ndirection = [1,0,0]\n')
     ],

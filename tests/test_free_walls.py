@@ -263,9 +263,14 @@ def test_what_cannot_be_free_is_refused() -> None:
 
 
 def cell(
-    *, pressure: object = 1000.0, side: float = 0.1, mass: float = 0.05, **motion: object
+    *,
+    pressure: object = 1000.0,
+    side: float = 0.1,
+    velocity: float = 0.0,
+    mass: float = 0.02,
+    **motion: object,
 ) -> carom.Scene:
-    """Six planes about the origin: those along z press, one along x moves as prescribed if `motion` is given."""
+    """Six planes about the origin that press; with `motion` those along z alone, and one along x moves as prescribed."""
     scene = carom.Scene()
     scene.world.gravity = (0.0, 0.0, 0.0)
     scene.contact("glass", "glass", friction=0.3, restitution=0.2)
@@ -273,7 +278,7 @@ def cell(
         for sign in (1, -1):
             point, normal = np.zeros(3), np.zeros(3)
             point[axis], normal[axis] = -0.5 * sign * side, sign
-            given: dict = {"free": {"mass": mass, "pressure": pressure}}
+            given: dict = {"free": {"mass": mass, "pressure": pressure, "velocity": velocity}}
             if motion and axis < 2:
                 given = {"motion": motion} if (axis, sign) == (0, -1) else {}
             scene.plane(f"{name}{sign:+d}", point=point, normal=normal, material="glass", **given)
@@ -283,23 +288,25 @@ def cell(
 @pytest.mark.parametrize("method", ["nsga", "moreau"])
 def test_a_pressure_follows_the_area_between_the_walls_around(method: str) -> None:
     # One ball between two plates that press; a wall beside them moves out.
-    scene = cell(translation=[{"expression": "0.2*t"}, 0, 0], pressure={"expression": "1000+500*t"})
+    scene = cell(
+        translation=[{"expression": "0.2*t"}, 0, 0], pressure={"expression": "1000+500*t"}, velocity=0.1
+    )
     scene.sphere("ball", radius=0.02, mass=0.02, position=(0, 0, 0), material="glass")
-    scene.walls["z+1"].free.velocity = scene.walls["z-1"].free.velocity = 0.1
     result = carom.simulate(scene, step=1e-4, until=0.4, every=10, method=method)
     time = np.asarray(result.time)[-50:]
     force = (1000 + 500 * time) * 0.1 * (0.1 + 0.2 * time)
     for name, sign in (("z+1", -1), ("z-1", 1)):
         assert sign * result.walls[name].force[-50:, 2] == pytest.approx(force, rel=1e-3)
     energy = result.summary["energy"]
-    assert energy["max_rise_relative"] < 1e-9
+    # Moreau-Jean takes the force of the end of the step for the whole of its way.
+    assert energy["max_rise_relative"] < (1e-9 if method == "nsga" else 1e-4)
 
 
 def test_a_cell_of_six_free_planes_holds_its_pressure_as_it_shrinks() -> None:
-    scene = cell(side=0.16, mass=0.02)
+    scene = cell(side=0.16)
     scene.packing("grain", material="glass", density=2500, seed=3, count=100, diameter=0.02,
                   low=(-0.08,) * 3, high=(0.08,) * 3)  # fmt: skip
-    result = carom.simulate(scene, step=2e-4, until=0.5, every=25, impact="one-shot", pile_tolerance=1e-5)
+    result = carom.simulate(scene, step=2e-4, until=0.2, every=10, impact="one-shot", pile_tolerance=1e-5)
     place = {name: result.walls[name].position[:, axis] for axis, axis_name in enumerate("xyz")
              for name in (f"{axis_name}+1", f"{axis_name}-1")}  # fmt: skip
     lengths = np.array([place[f"{name}-1"] - place[f"{name}+1"] for name in "xyz"])

@@ -8,7 +8,7 @@ Stresses are those of `carom.granular.stress` over the whole box: mu = -s_zx/s_z
 grains have no time of their own: mu and I depend on the packing fraction alone, and not on the rate.
 
 Beside it: mu = 0.38 + (0.64 - 0.38)/(1 + 0.279/I) (P. Jop, Y. Forterre, O. Pouliquen, Nature 441, 2006), measured with
-glass beads, I of about 0.01 to 0.5; and the same form fitted to what is found here up to I = 0.5.
+glass beads; and the same form fitted to what is found here up to I = 0.25.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ FRACTIONS = (0.50, 0.53, 0.55, 0.565, 0.575, 0.583, 0.589, 0.594)
 STRAIN_PER_STEP, STRAIN_PER_FRAME = 5e-4, 0.01
 #: mu_s, mu_2, I_0 of glass beads.
 PUBLISHED = (0.38, 0.64, 0.279)
-#: Largest inertial number of the flows that the form was made for.
-DENSE = 0.5
+#: Largest inertial number of the fit: above it flows are dilute, and the form does not follow them.
+DENSE = 0.25
 
 
 def law(inertial, low, high, scale):
@@ -97,22 +97,24 @@ def measured(result: carom.Result) -> dict[str, float]:
     }
 
 
-def fitted(rows: list[dict[str, float]]) -> np.ndarray | None:
-    """mu_s, mu_2 and I_0 of the same form, up to I = 0.5."""
+def fitted(rows: list[dict[str, float]]) -> tuple[np.ndarray, np.ndarray] | None:
+    """mu_s, mu_2 and I_0 of the same form for dense flows, and their standard errors."""
     dense = [row for row in rows if row["inertial"] <= DENSE]
     if len(dense) < 4:
         return None
     inertial = np.array([row["inertial"] for row in dense])
     mu = np.array([row["mu"] for row in dense])
-    return np.asarray(curve_fit(law, inertial, mu, p0=PUBLISHED, maxfev=10_000)[0])
+    found, spread = curve_fit(law, inertial, mu, p0=PUBLISHED, maxfev=10_000)
+    return np.asarray(found), np.sqrt(np.diag(spread))
 
 
-def draw(rows: list[dict[str, float]], fit: np.ndarray | None, path: str) -> None:
+def draw(rows: list[dict[str, float]], fit: tuple[np.ndarray, np.ndarray] | None, path: str) -> None:
     """The picture of the page."""
     import matplotlib
 
     matplotlib.use("agg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
     inertial = [row["inertial"] for row in rows]
@@ -122,11 +124,12 @@ def draw(rows: list[dict[str, float]], fit: np.ndarray | None, path: str) -> Non
     )
     left.plot(line, law(line, *PUBLISHED), "k--", label="glass beads (Jop et al. 2006)")
     if fit is not None:
-        left.plot(line, law(line, *fit), "C0", lw=1, label="fit, I up to 0.5")
+        left.plot(line, law(line, *fit[0]), "C0", lw=1, label=f"fit, I up to {DENSE:g}")
     left.set(xscale="log", xlabel="inertial number I", ylabel="stress ratio mu")
     left.legend(frameon=False)
     right.plot(inertial, [row["fraction"] for row in rows], "o-")
     right.set(xscale="log", xlabel="inertial number I", ylabel="packing fraction")
+    right.xaxis.set_minor_formatter(NullFormatter())
     figure.savefig(path)
 
 
@@ -161,8 +164,10 @@ def main() -> int:
         )
     fit = fitted(rows)
     if fit is not None:
-        print(f"fit up to I = {DENSE:g}: mu_s {fit[0]:.3f}, mu_2 {fit[1]:.3f}, I_0 {fit[2]:.3f}; "
-              "glass beads: {:.3f}, {:.3f}, {:.3f}".format(*PUBLISHED))  # fmt: skip
+        names, glass = ("mu_s", "mu_2", "I_0"), PUBLISHED
+        terms = zip(names, *fit, glass, strict=True)
+        text = ", ".join(f"{name} {found:.3f} +- {error:.3f} ({of:g})" for name, found, error, of in terms)
+        print(f"fit up to I = {DENSE:g} (glass beads): {text}")
     if options.csv:
         with Path(options.csv).open("w", newline="") as file:
             table = csv.DictWriter(file, list(rows[0]))

@@ -194,7 +194,7 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
     yield "energy.max_rise", largest, rounding
     pulls = run.mass * np.linalg.norm(run.gravity)
     for body, wall in enumerate(run.free_walls, run.balls):  # these have their force besides, along one line
-        force = float(law(wall.force, np.zeros(1))[0][0])
+        force = float(law(wall.force, np.zeros(1))[0][0] * run.areas[body - run.balls][0])
         pulls[body] = abs(wall.mass * float(wall.fall(run.gravity) @ wall.normal) + force)
     lengths = run.radius.copy()
     for clump in run.clumps:

@@ -139,12 +139,24 @@ class Run:
         ]
         #: Whether loads act on balls.
         self.loads_on_balls = bool(self.loads)
-        for w, free_wall in enumerate(self.free_walls):
-            self.loads += free_wall.load(self.balls + w)
         self.time = np.asarray(result.time)
         self.step = np.asarray(result.step).astype(np.int64)
         self.frames = len(self.time)
         self.steps = {name: np.asarray(result.steps[name]) for name in result.steps.columns}
+        self._press()
+
+    def _press(self) -> None:
+        """Adds the forces of free walls to the loads."""
+        #: Areas that pressures of free walls act on at the times of the grid, m^2; 1 of forces.
+        self.areas: list[F64] = []
+        if not self.free_walls:
+            return
+        grid = np.concatenate([[0.0], self.steps["time"]])
+        displaced = np.asarray(self.result._segments.column("frames", "free_walls")[:])[:, :, 0]
+        for w, wall in enumerate(self.free_walls):
+            series = guided.areas(self.model, wall, grid, self.time, displaced)
+            self.areas.append(series[1])
+            self.loads += wall.load(self.balls + w, series)
 
     def state(self, rows: slice) -> tuple[F64, F64, F64, F64]:
         """Places, velocities, angular velocities and orientations of all bodies at some frames, (T, N, ...): of free walls

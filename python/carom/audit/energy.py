@@ -334,7 +334,8 @@ def rises(run: Run, tally: Tally) -> None:
     round_walls = any(not wall.flat or wall.moves for wall in run.walls)
     if run.bodies > 1 or round_walls:
         bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.whole_mass), 0.0)
-    forces = [np.abs(law(wall.force, s["time"])[0]) for wall in run.free_walls]
+    walls = zip(run.free_walls, run.areas, strict=True)
+    forces = [area[1:] * np.abs(law(wall.force, s["time"])[0]) for wall, area in walls]
     for force, wall in zip(forces, run.free_walls, strict=True):
         way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
         bound = bound + np.where(s["contacts"] > 0, force * way, 0.0)

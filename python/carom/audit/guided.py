@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64, I64
+from carom.audit.formula import law
 
 HELD = 1e30
 """Moment of inertia that stands for the guide, kg m^2: nothing turns a free wall. Smaller: moments of contacts would."""
@@ -31,19 +32,23 @@ class FreeWall:
     """Along the normal at the start, m/s."""
     weighs: bool
     force: Any
-    """Along the normal, N, a law of time."""
+    """Along the normal, N, a law of time; with an area Pa."""
     material: int
+    area: tuple[Any, ...] = ()
+    """Sides of the area on which a pressure acts, which go with periods and planes."""
 
     def fall(self, gravity: F64) -> F64:
         """What gravity does to it, (3,), m/s^2."""
         return float(gravity @ self.normal) * self.normal if self.weighs else np.zeros(3)
 
-    def load(self, body: int) -> list[dict[str, Any]]:
-        """Its force as a load on a body; none where there is no force."""
+    def load(self, body: int, series: tuple[F64, F64]) -> list[dict[str, Any]]:
+        """Its force as a load on a body; none where there is no force. `series` are times, s, and the areas there, m^2."""
         kind, value = self.force
         if kind == "constant" and float(value) == 0.0:
             return []
-        along = [("times", (float(share), self.force)) for share in self.normal]
+        along: list[Any] = [("times", (float(share), self.force)) for share in self.normal]
+        if self.area:
+            along = [("pressure", (float(share), self.force, *series)) for share in self.normal]
         return [{"kind": "force", "body": body, "force": along, "torque": [("constant", 0.0)] * 3}]
 
     def meet(self, x: F64, moved: F64, radius: F64) -> tuple[F64, F64]:
@@ -69,9 +74,40 @@ def of_model(model: Mapping[str, Any]) -> list[FreeWall]:
                 bool(given["weighs"]),
                 given["force"],
                 int(model["plane_material"][w]),
+                tuple(given.get("area", ())),
             )
         )
     return found
+
+
+def areas(
+    model: Mapping[str, Any], wall: FreeWall, time: F64, frame_time: F64, displaced: F64
+) -> tuple[F64, F64]:
+    """The area on which the pressure of a wall acts, m^2, at the times of the grid (S + 1,), s: free planes, displaced by
+    (F, walls) m at the times of the frames, are where they were a step before, others where they are.
+    """
+    product = np.ones(len(time))
+    before = np.concatenate([time[:1], time[:-1]])
+    moved = dict(model.get("wall_motion", ()))
+
+    def place(plane: int) -> F64:
+        """(S + 1, 3)"""
+        at = np.tile(np.asarray(model["plane_point"][plane], dtype=np.float64), (len(time), 1))
+        if plane < displaced.shape[1]:
+            way = np.interp(before, frame_time, displaced[:, plane])
+            at += way[:, None] * np.asarray(model["plane_normal"][plane], dtype=np.float64)
+        elif plane in moved and moved[plane]["translation"] is not None:
+            at += np.stack([law(form, time)[0] for form in moved[plane]["translation"]], axis=1)
+        return at
+
+    for kind, *of in wall.area:
+        if kind == "period":
+            stretch = (model.get("deformation") or {}).get("stretch", (None, None, None))[of[0]]
+            product *= float(model["periodic"][of[0]]) * (1.0 if stretch is None else law(stretch, time)[0])
+        else:
+            across = (place(of[1]) - place(of[0])) @ np.asarray(model["plane_normal"][of[0]])
+            product *= np.maximum(across, 0.0)
+    return time, product
 
 
 def taken(walls: list[FreeWall], balls: int, b: I64, given: F64) -> F64:

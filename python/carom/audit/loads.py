@@ -93,6 +93,9 @@ def _applied(block: Block, load: dict[str, Any], out: Loads) -> None:
     parted = change * (run.cut | run.divides)[:, None]
     echo = np.concatenate([np.zeros((1, 6)), parted[:-1]])
     loose = remembered(run, parted + echo + _argument(run, (*load["force"], *load["torque"]))) * run.h
+    if any(form[0] == "pressure" for form in load["force"]):
+        # Between frames nothing tells where the walls around are.
+        out.unknown[:, body] |= ~block.single
     for j in range(6):
         out.impulse[:, body, j] += block.total(impulse[:, j])
         out.spread[:, body, j // 3] += block.total(np.abs(impulse[:, j]))
@@ -146,18 +149,26 @@ def _at_steps(run: Run, forms: tuple[Any, ...], parts: int = 1) -> F64:
 def _argument(run: Run, forms: tuple[Any, ...]) -> F64:
     """(S, 6) by how much forces differ for a rounding of the time at which they are taken."""
     end = run.steps["time"]
-    slopes = [
-        np.abs(form[1][0] * law(form[1][1], end)[1] if form[0] == "times" else law(form, end)[1])
-        for form in forms
-    ]
+
+    def slope(form: Any) -> F64:
+        if form[0] in ("times", "pressure"):
+            factor, of, *pressed = form[1]
+            area = np.interp(end, *pressed) if pressed else 1.0
+            return np.asarray(np.abs(factor * law(of, end)[1] * area))
+        return np.abs(law(form, end)[1])
+
+    slopes = [slope(form) for form in forms]
     return np.asarray(4.0 * EPS * end[:, None] * np.nan_to_num(np.stack(slopes, axis=1)))
 
 
 def _value(form: Any, time: F64) -> F64:
-    """A law at some times, or ("times", (factor, law))."""
+    """A law at some times, or ("times", (factor, law)), or ("pressure", (factor, law, times, areas))."""
     if form[0] == "times":
         factor, of = form[1]
         return np.asarray(factor * law(of, time)[0])
+    if form[0] == "pressure":
+        factor, of, grid, areas = form[1]
+        return np.asarray(factor * law(of, time)[0] * np.interp(time, grid, areas))
     return law(form, time)[0]
 
 
