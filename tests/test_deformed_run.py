@@ -141,3 +141,15 @@ def test_the_example_of_the_page_gives_its_numbers() -> None:
     exec(text, names)
     assert names["friction"] == pytest.approx(0.51, abs=0.02)
     assert names["inertial"] == pytest.approx(0.34, abs=0.02)
+
+
+@pytest.mark.parametrize("law", [{"table": [[0.0, 0.0], [0.1, 1.0], [0.3, 1.0]]}, "min(10*t, 1)"])
+def test_where_the_rate_jumps_the_flow_of_a_frame_is_the_one_after_it(law: Any) -> None:
+    made = scene(balls=6, shear=law, flow="x", gradient="z")
+    for ball in made.spheres:
+        ball.velocity = (0.0, 0.0, 0.0)
+    run = carom.simulate(made, every=1)
+    for k in range(len(run.time)):
+        box, v = run.box(k), np.asarray(run.velocity[k])
+        assert box.velocity_gradient[0, 2] == pytest.approx(10.0 if k < 10 else 0.0, abs=1e-8)
+        assert v == pytest.approx(box.flow_velocity(np.asarray(run.position[k])), abs=1e-8)

@@ -16,6 +16,10 @@ from carom.scene.tables.loads import LawVec3
 from carom.scene.tables.quantities import key
 
 AXES = ("x", "y", "z")
+SHARE = 0.01
+"""Of a step, over which rates of expressions are differences. A tenth of it loses one of some ten digits by rounding; with
+more, laws whose rate jumps at the end of the next step would be smeared over the step.
+"""
 
 
 class Deformation(Table):
@@ -74,9 +78,9 @@ class Deformation(Table):
         return self._matrix([value_at(law, time) for law in stretch], value_at(shear, time))
 
     def velocity_gradient(self, time: float, step: float) -> F64:
-        """G = dF/dt F^-1 at a time, (3, 3), 1/s. `step` (s) is a time in which laws change little."""
-        stretch, shear = (self.stretch or (1.0, 1.0, 1.0)), self.shear or 0.0
-        rate = self._matrix([slope_at(law, time, step) for law in stretch], slope_at(shear, time, step))
+        """G = dF/dt F^-1 at a time, (3, 3), 1/s: after it where a rate jumps. `step` (s) is that of the run."""
+        stretch, shear, h = (self.stretch or (1.0, 1.0, 1.0)), self.shear or 0.0, SHARE * step
+        rate = self._matrix([slope_at(law, time, h) for law in stretch], slope_at(shear, time, h))
         return np.asarray(rate @ np.linalg.inv(self.gradient_at(time)))
 
     def _matrix(self, diagonal: list[float], beside: float) -> F64:
