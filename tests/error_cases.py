@@ -27,6 +27,11 @@ RIGID = CLUMP + "spheres = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]]\n"
 CORNERS = "[[9.0, 9.0, 9.0], [9.1, 9.0, 9.0], [9.0, 9.1, 9.0]]"
 BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
+DEFORMED = "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 5.0, 0.0]\ndeformation = {{ {0} }}"
+IN_RUN = 'step = 1e-3\nmethod = "{0}"\n\n[world]\n'
+SHEARED = DEFORMED.format('shear = { expression = "t" }, flow = "x", gradient = "y"')
+STRETCHED = DEFORMED.format("stretch = [{0}, 1.0, 1.0]")
+
 #: cause -> (key that the message names, piece to add); several where several messages share the cause.
 PIECES: dict[str, list[tuple[str, str]]] = {
     "... is above ..., more than any pair of solids has: such contacts stick": [
@@ -78,7 +83,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "a principal moment comes to ..., outside ... to ...": [
         ("inertia", RIGID + "inertia = [1e-91, 1e-91, 1e-91]\n")
     ],
-    "clump ... is ... m long, and the period along ... ... m": [
+    "clump ... is ... m long, and the period along ... ... m...": [
         (
             "spheres",
             "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.15, 0, 0]\n\n"
@@ -208,7 +213,8 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         )
     ],
     "has no finite value at t = ... s...": [
-        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "1/(0.5-t)" }]\n')
+        ("world.deformation", STRETCHED.replace("{0}", '{ expression = "1 + t/(0.5-t)" }')),
+        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "1/(0.5-t)" }]\n'),
     ],
     "... is no sphere": [("load", '[[load]]\non = "ground"\nforce = [0,0,1]\n')],
     'a sphere is called "all", which here means every sphere': [
@@ -336,6 +342,51 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             "world.periodic",
             "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.1, 0.0, 0.0]",
         )
+    ],
+    "neither stretch nor shear is given": [("world.deformation", DEFORMED.format(""))],
+    "shear is given without ...": [
+        ("world.deformation", DEFORMED.format('shear = { expression = "t" }, flow = "x"')),
+        ("world.deformation", DEFORMED.format('shear = { expression = "t" }, gradient = "x"')),
+    ],
+    "... is given without shear": [
+        ("world.deformation", DEFORMED.format('stretch = [1.0, 1.0, 1.0], flow = "x"'))
+    ],
+    'flow and gradient are both "..."': [
+        ("world.deformation", DEFORMED.format('shear = { expression = "t" }, flow = "x", gradient = "x"'))
+    ],
+    "must be ... at t = 0, found ...": [
+        ("world.deformation", STRETCHED.replace("{0}", "1.1")),
+        ("world.deformation", STRETCHED.replace("{0}", '{ expression = "2 + t" }')),
+        ("world.deformation", DEFORMED.format('shear = 0.5, flow = "x", gradient = "y"')),
+        (
+            "world.deformation",
+            DEFORMED.format('shear = { polynomial = [0.5, 1.0] }, flow = "x", gradient = "y"'),
+        ),
+    ],
+    "deformation is given without periodic: there is no box that deforms": [
+        ("world.deformation", SHEARED.replace("periodic = [5.0, 5.0, 0.0]\n", "")),
+        ("world.deformation", SHEARED.replace("[5.0, 5.0, 0.0]", "[0.0, 0.0, 0.0]")),
+    ],
+    "stretches ..., along which the world does not repeat": [
+        ("world.deformation", DEFORMED.format('stretch = [1.0, 1.0, { expression = "1 + t" }]'))
+    ],
+    "... is along ..., along which the world does not repeat": [
+        ("world.deformation", SHEARED.replace('gradient = "y"', 'gradient = "z"')),
+        ("world.deformation", SHEARED.replace('flow = "x"', 'flow = "z"')),
+    ],
+    "comes to ... at t = ... s, and a length stays above 0": [
+        ("world.deformation", STRETCHED.replace("{0}", '{ expression = "1 - 2*t" }'))
+    ],
+    "a periodic box that deforms needs method ..., found ...": [
+        ("run.method", f"step = 1e-3\n\n[world]\n{SHEARED}".replace("-> ", f"-> {IN_RUN.format(method)}"))
+        for method in ("penalty", "events")
+    ],
+    "an ... does not act in a periodic box that deforms": [
+        ("inflow", SHEARED + "\n\n" + INFLOW + FAR),
+        ("outlet", SHEARED + "\n\n[[outlet]]\nlow = [9,9,9]\nhigh = [10,10,10]\n"),
+    ],
+    "shortens the period along ... to ... m at t = ... s, below ... radii of the largest ball": [
+        ("world.deformation", STRETCHED.replace("{0}", "{ table = [[0.0, 1.0], [0.5, 0.01]] }"))
     ],
     "... is not the same from period to period along ...": [
         ("plane", "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.0, 0.0, 5.0]")

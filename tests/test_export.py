@@ -398,13 +398,6 @@ def test_balls_that_crossed_a_period_lie_in_the_box_of_gsd(tmp_path: Path) -> No
         assert np.abs(frame.particles.image[:, 0]).max() >= 1
 
 
-def test_places_are_folded_into_the_box_to_the_nearest_period() -> None:
-    from carom.export.gsd import _image
-
-    place, period = np.array([[2.75, 9.0, -0.51], [-1.2, 0.0, 0.49]]), np.array([1.0, 0.0, 0.5])
-    assert _image(place, period).tolist() == [[3, 0, -1], [-1, 0, 1]]
-
-
 def test_ase_reads_the_balls_and_their_numbers(flow: carom.Result, tmp_path: Path) -> None:
     """Its column `species` takes chemical elements only: there must be none."""
     path, _ = flow.export(tmp_path, "extxyz")

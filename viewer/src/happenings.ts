@@ -46,7 +46,7 @@ function floats(data: Uint8Array, entry: Packed): Float32Array {
 }
 
 /** A copy, because a view would have to lie at a multiple of eight bytes. */
-function doubles(data: Uint8Array, entry: Doubles): Float64Array {
+export function doubles(data: Uint8Array, entry: Doubles): Float64Array {
   return new Float64Array(data.slice(entry.offset, entry.offset + 8 * entry.shape[0]).buffer);
 }
 

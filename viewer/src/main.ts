@@ -171,6 +171,8 @@ class App {
       })),
       drawn: [Math.min, Math.max].map((f) => [0, 1, 2].map((k) => f(...bodies.map((n) => run.centre[4 * n + k] + run.origin[k])))),
       positions: bodies.map((n) => run.where(n)),
+      centres: bodies.map((n) => [0, 1, 2].map((k) => run.centre[4 * n + k] + run.origin[k])),
+      box: run.box,
       orientations: bodies.map((n) => [3, 0, 1, 2].map((k) => run.attitude[4 * n + k])), // w first, as in Python
       screen: bodies.map((n) => stage.project([run.centre[4 * n], run.centre[4 * n + 1], run.centre[4 * n + 2]]) ?? null),
     };

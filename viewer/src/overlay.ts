@@ -6,9 +6,10 @@ import { Flashes, MOST_FLASHES } from "./flashes";
 import { touch, type Pairs, type Status } from "./happenings";
 import { Links } from "./links";
 import { MOST_NUMBERED, linear, type Look } from "./palette";
+import { edges, shiftOf } from "./periodic";
 import type { Run, Vec } from "./run";
 import { Sticks, type Tint } from "./sticks";
-import { norm } from "./vec";
+import { add, norm } from "./vec";
 import type { World } from "./world";
 import { Trails, type TrailLength } from "./trails";
 
@@ -17,6 +18,8 @@ const COLOURS = { open: "#8d949e", stick: "#1f8fe0", slip: "#f06a00", velocity: 
 const TINTS = [COLOURS.open, COLOURS.stick, COLOURS.slip].map(linear);
 const SCREEN = [COLOURS.open, COLOURS.stick, COLOURS.slip].map((css) => linear(css).map((c) => Math.sqrt(c)) as Tint);
 const VELOCITY = linear(COLOURS.velocity);
+/** Edges of a periodic box. */
+const EDGE: Tint = [0.32, 0.38, 0.46];
 
 const LENGTH = 7; // radii: of the arrow of the reference force or impulse
 const LONGEST = 3; // times the reference
@@ -112,12 +115,21 @@ export class Overlay {
     this.trails.length = shown.trails;
     this.trails.update(selected, width, height);
     if (shown.links) this.links.draw(this.rods, this.arrows);
+    this.outline();
     if (shown.contacts) this.contacts();
     if (shown.velocities) this.velocities();
     if (shown.impacts) this.impacts(hold);
     this.arrows.done();
     this.rods.done();
     this.flashes.done();
+  }
+
+  /** The edges of a periodic box that deforms. */
+  private outline(): void {
+    const { run, world } = this;
+    if (!run.box || !run.boxes!.deform) return;
+    const [low, high] = [0, 1].map((end) => add(run.facts.box[end], run.origin, -1));
+    for (const [from, to] of edges(run.box, low, high, run.origin)) this.rods.rod(from, to, 0.06 * world.size, EDGE);
   }
 
   private velocities(): void {
@@ -233,12 +245,12 @@ export class Overlay {
     const after: Vec = [0, 0, 0];
     run.centreAt(frame, first, before);
     run.centreAt(next, first, after);
-    const period = run.facts.period;
-    const at = before.map((c, k) => {
-      const x = c + s * (after[k] - c);
-      const length = period?.[0][k];
-      return length ? x - length * Math.floor((x + run.origin[k] - period![1][k]) / length) : x;
-    });
+    const at = before.map((c, k) => c + s * (after[k] - c));
+    if (run.boxes) {
+      const shift: Vec = [0, 0, 0];
+      shiftOf(run.boxes.at(frame, next, s), at.map((x, k) => x + run.origin[k]), shift);
+      for (let k = 0; k < 3; k++) at[k] -= shift[k];
+    }
     return touch(impacts, row, at, 0, run.radius[first], [0, 0, 0]);
   }
 }

@@ -1,8 +1,9 @@
 // A run as the page holds it, and its state at any time between frames.
 
 import { decode, unpack, type Packed } from "./codec";
-import { Contacts, Energies, Impacts, type HappeningArrays } from "./happenings";
+import { Contacts, doubles, Energies, Impacts, type Doubles, type HappeningArrays } from "./happenings";
 import type { Link } from "./links";
+import { Boxes, shiftOf, type Box } from "./periodic";
 import { Poses } from "./poses";
 import { norm } from "./vec";
 
@@ -57,6 +58,8 @@ interface Facts {
   walls?: Wall[];
   /** Periods along x, y, z (0: none) and the lowest corner of the periodic box. */
   period?: [Vec, Vec];
+  /** Of a periodic box that deforms: the axis along which images are displaced, and the one across which they are. */
+  shear?: [number, number];
   /** A table of the billiards kit: what its parts are, length and width, a ball's radius, the box of all of it. */
   table?: { kinds: string[]; size: [number, number]; radius: number; box: [Vec, Vec] };
   /** Of tables, by day and in the dark. */
@@ -76,6 +79,8 @@ interface Facts {
     velocity?: Packed;
     angular_velocity?: Packed;
     present?: Packed;
+    /** Lengths and offset of a periodic box that deforms, four numbers a frame. */
+    boxes?: Doubles;
     wall_position?: Packed;
     wall_orientation?: Packed;
     table_points?: Packed;
@@ -96,6 +101,9 @@ export class Run {
   readonly contacts: Contacts | undefined;
   readonly energies: Energies | undefined;
   readonly table: Mesh | undefined;
+  /** The periodic boxes, and that of the sampled time. */
+  readonly boxes: Boxes | undefined;
+  box: Box | undefined;
   /** State at the sampled time: x y z and radius (0 where there is no ball now), then the quaternion x y z w. */
   readonly centre: Float32Array;
   readonly attitude: Float32Array;
@@ -142,6 +150,11 @@ export class Run {
         kind: Float32Array.from(wide(table_kinds)),
         index: [...wide(table_faces)],
       };
+    }
+    if (facts.period) {
+      const [lengths, low] = facts.period;
+      const [flow, gradient] = facts.shear ?? [0, 1];
+      this.boxes = new Boxes({ lengths, low, flow, gradient, tilt: 0 }, arrays.boxes && doubles(data, arrays.boxes));
     }
     this.shift = new Float64Array(facts.period ? 3 * this.count : 0);
     this.centre = new Float32Array(4 * this.count);
@@ -223,18 +236,22 @@ export class Run {
       centre[4 * n + 3] = this.present(n) ? this.facts.radius[n] : 0;
       this.turn(n, next, span, s);
     }
-    if (this.facts.period) this.fold(...this.facts.period);
+    this.box = this.boxes?.at(this.frame, next, s);
+    if (this.box) this.fold(this.box);
     this.poses?.sample(this.frame, next, s);
   }
 
   /** Balls of a periodic world are drawn within one period. */
-  private fold(periods: Vec, low: Vec): void {
+  private fold(box: Box): void {
+    const { centre, origin, shift } = this;
+    const place: Vec = [0, 0, 0];
+    const turns: Vec = [0, 0, 0];
     for (let n = 0; n < this.count; n++) {
+      for (let k = 0; k < 3; k++) place[k] = centre[4 * n + k] + origin[k];
+      shiftOf(box, place, turns);
       for (let k = 0; k < 3; k++) {
-        if (!periods[k]) continue;
-        const turns = Math.floor((this.centre[4 * n + k] + this.origin[k] - low[k]) / periods[k]);
-        this.shift[3 * n + k] = periods[k] * turns;
-        this.centre[4 * n + k] -= periods[k] * turns;
+        shift[3 * n + k] = turns[k];
+        centre[4 * n + k] -= turns[k];
       }
     }
   }

@@ -13,6 +13,7 @@ import {
 } from "three";
 import type { Look } from "./palette";
 import { MOST_NUMBERED } from "./palette";
+import { shiftOf } from "./periodic";
 import type { Run } from "./run";
 import { QUAD } from "./spheres";
 
@@ -124,7 +125,6 @@ function pieces(run: Run, n: number, piece: Piece): void {
     }
     return true;
   };
-  const period = run.facts.period;
   const at = (f: number, k: number) => way[3 * f + k];
   for (let a = 0; a < frames - 1; ) {
     let b = a + 1;
@@ -134,10 +134,8 @@ function pieces(run: Run, n: number, piece: Piece): void {
     const moved = [0, 1, 2].some((k) => Math.abs(at(b, k) - at(a, k)) > 1e-3 * run.radius[n]);
     if (whole && moved) {
       // In a periodic world a piece lies in the period in which it begins.
-      const shift = [0, 1, 2].map((k) => {
-        const length = period?.[0][k];
-        return length ? length * Math.floor((at(a, k) + run.origin[k] - period![1][k]) / length) : 0;
-      });
+      const shift: [number, number, number] = [0, 0, 0];
+      if (run.boxes) shiftOf(run.boxes.at(a, a, 0), [0, 1, 2].map((k) => at(a, k) + run.origin[k]), shift);
       const point = (f: number) => [0, 1, 2].map((k) => at(f, k) - shift[k]) as [number, number, number];
       piece(a, b, point(a), point(b));
     }

@@ -8,7 +8,7 @@ back as the same bits. Contacts are points of a file of their own, with their fo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -44,10 +44,10 @@ POINT = 0.1
 def write(selection: Selection, directory: Path) -> list[Path]:
     """`balls.extxyz`, and `contacts.extxyz` if the run has some."""
     files = [directory / "balls.extxyz"]
-    cell = _cell(selection)
+    cell = _cells(selection)
     with whole_file(files[0]) as temporary, open(temporary, "w", encoding="utf-8") as file:
         for frame in selection:
-            file.write(_head(len(frame.body), cell, PROPERTIES, frame.time, frame.step))
+            file.write(_head(len(frame.body), cell(frame.index), PROPERTIES, frame.time, frame.step))
             file.writelines(_lines(frame))
     if selection.with_contacts:
         files.append(directory / "contacts.extxyz")
@@ -58,7 +58,7 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             for part in contact_glyphs(selection):
                 for index, time, (points, data) in zip(part.frames, part.time.tolist(), part, strict=True):
                     properties = f"type:S:1:pos:R:3:radius:R:1:{columns}"
-                    file.write(_head(len(points), cell, properties, time, int(step[index])))
+                    file.write(_head(len(points), cell(index), properties, time, int(step[index])))
                     file.writelines(_contact_lines(points, POINT * radius[data["body_a"]], data))
     without(directory, {"contacts.extxyz"} - {path.name for path in files})
     return files
@@ -96,14 +96,21 @@ def _lines(frame: Frame) -> list[str]:
     return lines
 
 
-def _cell(selection: Selection) -> str:
-    """The periodic box; without one nothing, and readers put a box around the balls themselves."""
-    periods = selection.result.periodic
-    if periods is None:
-        return ""
+def _cells(selection: Selection) -> Callable[[int], str]:
+    """The periodic box at a frame as text; without one nothing, and readers put a box around the balls themselves."""
+    boxes = selection.result.boxes
+    if boxes is None:
+        return lambda frame: ""
     low, high = box(selection)
-    lattice = np.diag(np.where(periods > 0, periods, high - low)).ravel()
-    flags = " ".join("T" if period > 0 else "F" for period in periods)
-    corner = np.where(periods > 0, selection.result.periodic_origin, low)
-    values, origin = (" ".join(map(repr, part.tolist())) for part in (lattice, corner))
-    return f'Lattice="{values}" Origin="{origin}" pbc="{flags}" '
+    repeats = boxes.first.lengths > 0
+    flags = " ".join("T" if axis else "F" for axis in repeats)
+
+    def cell(frame: int) -> str:
+        at = boxes[frame].tilted
+        corner, edges = np.where(repeats, at.origin, low), np.where(repeats, at.lengths, high - low)
+        lattice = np.where(repeats[:, None], at.vectors, np.diag(edges))
+        corner[at.flow] -= 0.5 * at.offset  # the box stays about its centre
+        values, origin = (" ".join(map(repr, part.tolist())) for part in (lattice.ravel(), corner))
+        return f'Lattice="{values}" Origin="{origin}" pbc="{flags}" '
+
+    return cell

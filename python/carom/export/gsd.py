@@ -6,7 +6,7 @@ carry in `log/bonds`; those with walls have no second particle and are left to t
 
 A file of this kind has a box about the origin: of a periodic scene its own, to whose centre all positions are shifted
 (`log/configuration/origin`) and into which they are folded (`image` counts the periods); of others one that holds all
-balls in all frames, without a shift.
+balls in all frames, without a shift. Of a box that deforms each frame has its own lengths and tilt factors.
 """
 
 from __future__ import annotations
@@ -18,10 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from carom.errors import extra
+from carom.arrays import F64
+from carom.errors import CaromError, extra
 from carom.export.atomic import whole_file
 from carom.export.frames import Selection
 from carom.export.glyphs import contact_glyphs
+from carom.result.boxes import Boxes
+from carom.scene.packing.periodic import PeriodicBox
 from carom.show.surfaces import box
 
 #: What a bond has of its contact, in the file as `log/bonds/NAME`, with the shape of one; meaning and units: `GLYPHS`.
@@ -39,13 +42,14 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     hoomd = extra("gsd.hoomd", "the format gsd needs the package gsd", "export")
     result = selection.result
     low, high = box(selection)
-    periods = result.periodic
-    origin, period = np.zeros(3), np.zeros(3)
-    lengths = 2.0 * np.maximum(np.abs(low), np.abs(high))
-    if periods is not None:
-        period = np.asarray(periods, dtype=np.float64)
-        origin = np.where(periods > 0, result.periodic_origin + 0.5 * periods, origin)
-        lengths = np.where(periods > 0, periods, lengths)
+    boxes, around = result.boxes, 2.0 * np.maximum(np.abs(low), np.abs(high))
+    origin = np.zeros(3) if boxes is None else np.where(boxes.first.lengths > 0, boxes.first.centre, 0.0)
+    if boxes is not None and (upper := boxes.first).flow > upper.gradient and _sheared(boxes, selection):
+        flow, gradient = "xyz"[upper.flow], "xyz"[upper.gradient]
+        raise CaromError(
+            f"gsd has no box that is sheared along {flow} across {gradient}: its tilts are along x across y and z, and"
+            " along y across z; export extxyz, or name the axes of the scene in this order"
+        )
     materials = int(np.max(selection.fixed()["material"], initial=0)) + 1
     inertia = np.asarray(result.bodies["inertia"])
     path = directory / "balls.gsd"
@@ -55,14 +59,15 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             found = frame.quantities
             snapshot = hoomd.Frame()
             snapshot.configuration.step = frame.step
-            snapshot.configuration.box = [*lengths, 0.0, 0.0, 0.0]
+            cell = None if boxes is None else boxes[frame.index].tilted
+            snapshot.configuration.box = _configuration(cell, around)
             particles = snapshot.particles
             particles.N = len(frame.body)
             particles.types = [f"M{k}" for k in range(materials)]
             particles.typeid = found["material"]
-            image = _image(frame.position - origin, period)
-            particles.position = frame.position - origin - image * period
-            particles.image = image
+            image = np.zeros_like(frame.position) if cell is None else cell.turns(frame.position)
+            particles.position = frame.position - origin - (0.0 if cell is None else image @ cell.vectors)
+            particles.image = image.astype(np.int32)
             particles.velocity = found["velocity"]
             particles.orientation = found["orientation"]
             particles.mass = found["mass"]
@@ -101,10 +106,18 @@ def _contacts(selection: Selection) -> Iterator[tuple[Any, dict[str, Any]]]:
             yield pairs[of_balls], {k: data[k][of_balls] for k in CARRIED}
 
 
-def _image(position: Any, period: Any) -> Any:
-    """How many periods (3,), 0 where there is none, a place (n, 3) is from the box about the origin, (n, 3)."""
-    length = np.where(period > 0, period, np.inf)
-    return np.floor(position / length + 0.5).astype(np.int32)
+def _sheared(boxes: Boxes, selection: Selection) -> bool:
+    """Whether images are displaced at one of the chosen frames, by more than whole lengths."""
+    return any(boxes[frame].tilt for frame in selection.frames)
+
+
+def _configuration(cell: PeriodicBox | None, around: F64) -> list[float]:
+    """The box as HOOMD has it: lengths, of axes that do not repeat those `around` all balls, and the tilts xy, xz, yz."""
+    if cell is None:
+        return [*around.tolist(), 0.0, 0.0, 0.0]
+    lengths = np.where(cell.lengths > 0, cell.lengths, around)
+    tilts = cell.vectors / lengths[:, None]
+    return [*lengths.tolist(), *(float(x) for x in (tilts[1, 0], tilts[2, 0], tilts[2, 1]))]
 
 
 def _angular_momentum(orientation: Any, momentum: Any) -> Any:

@@ -11,11 +11,11 @@ import numpy as np
 
 from carom.arrays import F64, I64, Bool
 from carom.result.data import RunData
-from carom.scene.packing.neighbours import TOUCHING, separation
+from carom.scene.packing.neighbours import TOUCHING
 
 
-def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], time: F64) -> Bool:
-    """Whether the bodies of contacts touch at the times (K,), s; pairs (K, 2) and gaps (K,), m, are those of `/contacts`.
+def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], frame: I64) -> Bool:
+    """Whether the bodies of contacts touch at the frames (K,); pairs (K, 2) and gaps (K,), m, are those of `/contacts`.
 
     The centres of the first and of the second bodies are then at `place` (K, 3), m (of walls any). Balls that are absent,
     whose place is not a number, touch nothing.
@@ -24,7 +24,11 @@ def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], ti
     count = len(radius) - 1
     a, b = body[:, 0], body[:, 1]
     own, other = radius[a], radius[np.minimum(b, count)]
-    gap = np.linalg.norm(separation(place[0] - place[1], result.periodic), axis=1) - own - other
+    delta = place[0] - place[1]
+    if result.boxes is not None:
+        delta = result.boxes.nearest(delta, frame)
+    gap = np.linalg.norm(delta, axis=1) - own - other
+    time = np.asarray(result.time)[frame]
     walls = list(result.walls.values()) if (b >= count).any() else []
     for k in np.unique(b[b >= count]):
         rows = b == k

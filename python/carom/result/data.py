@@ -20,6 +20,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, counted
+from carom.result.boxes import Boxes
 from carom.result.clumps import Clumps
 from carom.result.directory import RunDir, temporary
 from carom.result.kinematics import Frames, Part, Selection, chosen_bodies, chosen_frames
@@ -39,6 +40,7 @@ from carom.result.tables import (
 )
 from carom.result.walls import Walls, meshes
 from carom.scene.assembly.arrays import identify
+from carom.scene.packing.periodic import PeriodicBox
 from carom.scene.scene import Scene
 
 
@@ -197,14 +199,25 @@ class RunData(Frames):
 
     @property
     def periodic(self) -> F64 | None:
-        """Periods of the world along x, y, z, m, 0 where it has none; None if it has none at all."""
+        """Periods of the world along x, y, z, m, 0 where it has none; None if it has none at all. Of a box that deforms
+        those at the start; `box(frame)` has those of a frame.
+        """
         found = self._segments.attributes.get("periodic")
         return None if found is None else np.asarray(found, dtype=np.float64)
 
     @property
     def periodic_origin(self) -> F64:
-        """Lowest corner of the periodic box, (3,), m."""
+        """Lowest corner of the periodic box, (3,), m; of one that deforms at the start."""
         return np.asarray(self._segments.attributes.get("periodic_origin", np.zeros(3)), dtype=np.float64)
+
+    @cached_property
+    def boxes(self) -> Boxes | None:
+        """The periodic boxes of all frames, which differ where the box deforms; None of a world without."""
+        return Boxes.of(self)
+
+    def box(self, frame: int = -1) -> PeriodicBox | None:
+        """The periodic box at a frame: `lengths`, `vectors`, `fold`, `nearest`, `flow_velocity`; None of a world without."""
+        return None if self.boxes is None else self.boxes[frame]
 
     @property
     def title(self) -> str:

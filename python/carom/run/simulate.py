@@ -426,6 +426,8 @@ class Run:
             "start_step": self.simulation.step,
             **{key: model[key] for key in ("periodic", "periodic_origin") if key in model},
         }
+        if "deformation" in model:
+            attributes |= {f"box_{axis}": model["deformation"][axis] for axis in ("flow", "gradient")}
         return {
             "bodies": bodies,
             **tables(list(self.wall_names), model),

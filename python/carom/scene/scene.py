@@ -21,6 +21,7 @@ from carom.scene.builders.attachments import Attacher
 from carom.scene.builders.balls import Number, Vector, make, own
 from carom.scene.builders.from_run import Taker
 from carom.scene.builders.walls import Waller
+from carom.scene.builders.world import Deformer
 from carom.scene.checks.advice import advise
 from carom.scene.checks.rules import Parts, check, steps
 from carom.scene.messages import Finding, Source
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from carom.scene.tables.keywords import Options
 
 
-class Scene(Waller, Attacher, Taker):
+class Scene(Waller, Attacher, Taker, Deformer):
     """Spheres, walls, materials and how to simulate them.
 
     `scene.world`, `scene.run` and `scene.record` hold the keys of `[world]`, `[run]` and `[record]` as attributes:

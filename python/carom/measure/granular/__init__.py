@@ -29,6 +29,8 @@ from carom.measure.granular.region import Region, ball_volume, cells, layers
 from carom.measure.granular.snapshot import Contacts, Snapshot, snapshot
 from carom.measure.granular.stress import Stress, Temperature, ball_stress, granular_temperature, stress
 from carom.measure.granular.surface import HeapAngle, RunOut, heap_angle, run_out
+from carom.measure.granular.whole import whole_box
+from carom.scene.packing.periodic import PeriodicBox
 from carom.scene.packing.region import Ball, Box, Cylinder
 
 __all__ = [
@@ -41,6 +43,7 @@ __all__ = [
     "ForceChains",
     "HeapAngle",
     "NormalForces",
+    "PeriodicBox",
     "Profile",
     "RadialDistribution",
     "Region",
@@ -66,4 +69,5 @@ __all__ = [
     "run_out",
     "snapshot",
     "stress",
+    "whole_box",
 ]

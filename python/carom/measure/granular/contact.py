@@ -87,7 +87,7 @@ def coordination(
     counted = present
     if region is not None:
         counted = np.zeros(n, dtype=bool)
-        counted[s.present[inside(region, s.position[s.present], s.period)[0]]] = True
+        counted[s.present[inside(region, s.position[s.present], s.box)[0]]] = True
     return Coordination(per_ball, np.where(kept, inner, 0), present & ~kept, counted)
 
 
@@ -102,7 +102,7 @@ def _count(first: I64, second: I64, n: int) -> I64:
 def _near(s: Snapshot, gap: float) -> tuple[I64, I64]:
     """Pairs of balls, and of balls and walls, whose surfaces are nearer than `gap`."""
     n, there = len(s.radius), s.present
-    a, b = pairs(s.position[there], s.radius[there] + 0.5 * gap, s.period)
+    a, b = pairs(s.position[there], s.radius[there] + 0.5 * gap, s.box)
     first, second = [there[a]], [there[b]]
     walls = s.walls
     if walls is None:
@@ -302,6 +302,6 @@ def _pushing(s: Snapshot, region: Region | None, walls: bool) -> tuple[F64, F64]
     if region is not None:
         point = s.position[c.first] - c.normal * s.radius[c.first][:, None]
         here = np.zeros(len(point), dtype=bool)
-        here[inside(region, point, s.period)[0]] = True
+        here[inside(region, point, s.box)[0]] = True
         kept &= here
     return c.normal[kept], c.push[kept]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from carom.measure.granular.snapshot import Snapshot, snapshot
 from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.numeric import is_number, is_whole
+from carom.scene.packing.periodic import PeriodicBox
 from carom.scene.packing.region import Box
 
 
@@ -48,6 +49,13 @@ class RadialDistribution(Measure):
         return 0.5 * (self.edges[1:] + self.edges[:-1])
 
 
+def _images_of(box: Box, world: PeriodicBox | None) -> PeriodicBox | None:
+    """How a box repeats itself along its axes without faces, in a world whose images may be displaced."""
+    if world is None or not world.sheared:
+        return PeriodicBox.of(box.period)
+    return replace(world, lengths=box.period, offset=world.offset if box.periodic[world.gradient] else 0.0)
+
+
 def radial_distribution(
     source: RunData | Snapshot, box: Box, frame: int = -1, *, reach: float, bins: int = 100
 ) -> RadialDistribution:
@@ -57,7 +65,7 @@ def radial_distribution(
     periodic axes all are.
     """
     s = snapshot(source, frame)
-    period = box.period
+    within = _images_of(box, s.box)
     free = ~np.array(box.periodic)
     low, high = np.array(box.low), np.array(box.high)
     if not (is_number(reach) and reach > 0 and is_whole(bins) and bins >= 1):
@@ -66,14 +74,14 @@ def radial_distribution(
     if (2.0 * reach >= (high - low)).any():
         most = 0.5 * float((high - low).min())
         raise CaromError(f"reach = {reach:g} m is too far for the box; it must be below {most:.4g} m")
-    _, x = inside(box, s.position[s.present], s.period)
+    _, x = inside(box, s.position[s.present], s.box)
     origin = ((x >= low + reach) & (x < high - reach) | ~free).all(axis=1)
     if not origin.any():
         raise CaromError(
             f"no ball is {reach:g} m from the faces of the box; give a shorter reach or a larger box"
         )
-    a, b = pairs(x, np.full(len(x), 0.5 * reach), period)
-    delta = separation(x[a] - x[b], period)
+    a, b = pairs(x, np.full(len(x), 0.5 * reach), within)
+    delta = separation(x[a] - x[b], within)
     distance = np.sqrt((delta * delta).sum(axis=1))
     weight = origin[a].astype(np.float64) + origin[b]
     counts, edges = np.histogram(distance, bins, (0.0, reach), weights=weight)

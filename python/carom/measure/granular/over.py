@@ -90,7 +90,8 @@ def over_frames(
 ) -> Series[T]:
     """`function(snapshot, *arguments, **options)` at every `every`-th frame of the times from `start` to `stop` s.
 
-    Frame 0 is left out: nothing is known of forces before it.
+    Frame 0 is left out: nothing is known of forces before it. An argument that is a function is called with each snapshot:
+    `whole_box` for a region that follows a periodic box that deforms.
 
         over_frames(result, stress, box, start=1.0).mean("tensor")
     """
@@ -102,8 +103,17 @@ def over_frames(
     chosen = [k for k in range(1, len(times)) if start <= times[k] <= stop][::every]
     if not chosen:
         raise CaromError(f"no frames from {start:g} s to {stop:g} s; the result ends at {times[-1]:g} s")
-    values = tuple(function(snapshot(result, k), *arguments, **options) for k in chosen)
+    values = tuple(_at(snapshot(result, k), function, arguments, options) for k in chosen)
     return Series(times[chosen], times[chosen] - times[np.array(chosen) - 1], values)
+
+
+def _at(s: Snapshot, function: Callable[..., T], arguments: tuple[Any, ...], options: dict[str, Any]) -> T:
+    """The measure at one frame, for which arguments may be made."""
+
+    def made(value: Any) -> Any:
+        return value(s) if callable(value) else value
+
+    return function(s, *map(made, arguments), **{key: made(value) for key, value in options.items()})
 
 
 def over_regions(

@@ -1,6 +1,6 @@
 """Where something is measured: boxes, cylinders and spheres, and what they hold of balls and of lines.
 
-A world that repeats itself (`period`, (3,) m, 0 along other axes) has every ball in every period: of each the images that
+A world that repeats itself (a `PeriodicBox`) has every ball in every period: of each the images that
 reach the region count. Along the axes in which a `Box` is `periodic` it has no faces: all balls count once, wherever they
 are.
 """
@@ -16,6 +16,7 @@ from carom.errors import CaromError
 from carom.measure.granular.cut import ball_in_ball, ball_in_box, ball_in_cylinder
 from carom.scene.assembly.vectors import scaled
 from carom.scene.packing.numeric import is_number, is_whole
+from carom.scene.packing.periodic import PeriodicBox
 from carom.scene.packing.region import Ball, Box, Cylinder
 
 Region = Box | Cylinder | Ball
@@ -73,52 +74,66 @@ def line_share(region: Region, start: F64, end: F64) -> F64:
     return np.where(missed, 0.0, np.maximum(last - first, 0.0))
 
 
-def images(region: Region, points: F64, reach: F64, period: F64 | None) -> tuple[I64, F64]:
+def images(region: Region, points: F64, reach: F64, world: PeriodicBox | None) -> tuple[I64, F64]:
     """Numbers (M,) of the points (N, 3), m, that have an image within `reach` (N,), m, of the box around the region, and the
-    places (M, 3) of these images. Without a `period` the points themselves, all of them.
+    places (M, 3) of these images. In a `world` that does not repeat the points themselves, all of them.
     """
     if not isinstance(region, Region):
         raise CaromError(f"a region is a Box, a Cylinder or a Ball, found {type(region).__name__}")
-    if period is None or not (period > 0).any():
-        return np.arange(len(points)), points
+    rows, moved = np.arange(len(points)), points
+    if world is None:
+        return rows, moved
     low, high = _around(region)
-    repeats = period > 0
-    if isinstance(region, Box):
-        open_ = np.array(region.periodic)
-        off = repeats & open_ & ~np.isclose(high - low, period, rtol=1e-9, atol=0.0)
-        if off.any():
-            k = int(np.flatnonzero(off)[0])
-            raise CaromError(
-                f"the box is periodic along {'xyz'[k]} over {high[k] - low[k]:.6g} m, the world over {period[k]:.6g} m;"
-                " give it the length of the world, or faces"
+    open_ = np.array(region.periodic) if isinstance(region, Box) else np.zeros(3, dtype=bool)
+    _fits(world, open_, high - low)
+    vectors = world.vectors
+    for axis in world.order:  # that of the gradient first: its images are displaced along the flow
+        if open_[axis]:
+            continue
+        length = float(world.lengths[axis])
+        slack = reach[rows] + 1e-9 * length  # `holds` decides of points at a face
+        first = np.ceil((low[axis] - slack - moved[:, axis]) / length)
+        last = np.floor((high[axis] + slack - moved[:, axis]) / length)
+        counts = np.maximum(last - first + 1.0, 0.0)
+        if len(rows) and np.bincount(rows, counts).max() > MOST_IMAGES:
+            k = int(
+                np.argmax(
+                    np.where(
+                        world.lengths > 0, (high - low) / np.where(world.lengths > 0, world.lengths, 1.0), 0
+                    )
+                )
             )
-        repeats = repeats & ~open_
-    length = np.where(repeats, period, 1.0)
-    slack = reach[:, None] + 1e-9 * length  # `holds` decides of points at a face
-    first = np.where(repeats, np.ceil((low - slack - points) / length), 0.0)
-    last = np.where(repeats, np.floor((high + slack - points) / length), 0.0)
-    counts = np.maximum(last - first + 1.0, 0.0)
-    if counts.prod(axis=1).max(initial=0.0) > MOST_IMAGES:
-        k = int(np.argmax(np.where(repeats, (high - low) / length, 0.0)))
-        raise CaromError(
-            f"the region is {(high - low)[k] / period[k]:.0f} periods long along {'xyz'[k]}; one of the world says the same"
-        )
-    sides = counts.astype(np.int64)
-    many = sides.prod(axis=1)
-    rows = np.repeat(np.arange(len(points)), many)
-    number = np.arange(len(rows)) - np.repeat(
-        np.cumsum(many) - many, many
-    )  # of the image among those of its point
-    moved = points[rows].copy()
-    for k in range(3):
-        number, place = np.divmod(number, sides[rows, k])
-        moved[:, k] += np.where(repeats[k], (first[rows, k] + place) * length[k], 0.0)
+            raise CaromError(
+                f"the region is {(high - low)[k] / world.lengths[k]:.0f} periods long along {'xyz'[k]};"
+                " one of the world says the same"
+            )
+        many = counts.astype(np.int64)
+        source = np.repeat(np.arange(len(rows)), many)
+        number = first[source] + np.arange(len(source)) - np.repeat(np.cumsum(many) - many, many)
+        rows, moved = rows[source], moved[source] + number[:, None] * vectors[axis]
     return rows, moved
 
 
-def inside(region: Region, points: F64, period: F64 | None) -> tuple[I64, F64]:
+def _fits(world: PeriodicBox, open_: Bool, size: F64) -> None:
+    """Refuses a box without faces across an axis over which the world does not repeat in the same way."""
+    off = (world.lengths > 0) & open_ & ~np.isclose(size, world.lengths, rtol=1e-9, atol=0.0)
+    if off.any():
+        k = int(np.flatnonzero(off)[0])
+        raise CaromError(
+            f"the box is periodic along {'xyz'[k]} over {size[k]:.6g} m, the world over {world.lengths[k]:.6g} m;"
+            " give it the length of the world, or faces"
+        )
+    if world.sheared and open_[world.gradient] and not open_[world.flow]:
+        across, along = "xyz"[world.gradient], "xyz"[world.flow]
+        raise CaromError(
+            f"the box is periodic along {across} and not along {along}, along which images across {across} are displaced;"
+            f" make it periodic along {along} too, or give it faces across {across}"
+        )
+
+
+def inside(region: Region, points: F64, world: PeriodicBox | None) -> tuple[I64, F64]:
     """Numbers (M,) of the points (N, 3), m, that lie in the region, themselves or an image, and where, (M, 3), m."""
-    rows, moved = images(region, points, np.zeros(len(points)), period)
+    rows, moved = images(region, points, np.zeros(len(points)), world)
     here = holds(region, moved)
     rows, first = np.unique(rows[here], return_index=True)
     return rows, moved[here][first]

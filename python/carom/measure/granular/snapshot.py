@@ -15,7 +15,7 @@ from carom.measure.granular.region import Region, ball_volume, images
 from carom.result.data import RunData
 from carom.result.walls import Wall
 from carom.scene.assembly.rotations import upward
-from carom.scene.packing.neighbours import folded
+from carom.scene.packing.periodic import PeriodicBox
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,8 @@ class Snapshot:
     """(3,), m/s^2."""
     period: F64 | None = None
     """After which the world repeats itself along x, y and z, (3,), m, 0 along axes where it does not; None: nowhere."""
+    box: PeriodicBox | None = None
+    """The periodic box, in place of `period`: of one that is sheared this says where the images are."""
     missing: str = "give the Snapshot its contacts"
     """What to do where there are no contacts."""
 
@@ -96,7 +98,11 @@ class Snapshot:
                     f"Snapshot: {name} has shape {array.shape}; with {n} radii it must be {shape}"
                 )
             object.__setattr__(self, name, array)
+        if self.box is not None:
+            object.__setattr__(self, "period", self.box.lengths)
         self._in_bounds()
+        if self.box is None:
+            object.__setattr__(self, "box", PeriodicBox.of(self.period))
         self._without_absent()
 
     def _in_bounds(self) -> None:
@@ -138,13 +144,24 @@ class Snapshot:
 
     @cached_property
     def folded(self) -> F64:
-        """Centres (N, 3), m, within one period from the origin on: balls of a periodic world may be many periods away."""
-        return folded(self.position, self.period)
+        """Centres (N, 3), m, within the periodic box: balls of a periodic world may be many periods away."""
+        return self.position if self.box is None else self.box.fold(self.position)
+
+    @cached_property
+    def against_flow(self) -> F64:
+        """Velocities, (N, 3), m/s, against the mean flow of a periodic box that deforms, else as they are. Those of the
+        images of a ball differ, and these do not.
+        """
+        velocity = self.known("velocity")
+        deforms = self.box is not None and self.box.deforms
+        return (
+            velocity - self.box.flow_velocity(self.position) if self.box is not None and deforms else velocity
+        )
 
     def within(self, region: Region) -> F64:
         """Volume of each ball that lies in a region, of all its images, (N,), m^3; 0 for balls that are absent."""
         there = self.present
-        rows, moved = images(region, self.position[there], self.radius[there], self.period)
+        rows, moved = images(region, self.position[there], self.radius[there], self.box)
         rows = there[rows]
         volume = ball_volume(region, moved, self.radius[rows])
         return np.asarray(np.bincount(rows, volume, minlength=len(self.radius)), dtype=np.float64)
@@ -219,7 +236,7 @@ def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None 
         walls=tuple(_distance(wall, float(times[frame])) for wall in source.walls.values()),
         time=float(times[frame]),
         gravity=source.gravity,
-        period=source.periodic,
+        box=source.box(frame),
         missing=missing,
     )
 
@@ -240,5 +257,5 @@ def _contacts(result: RunData, frame: int, interval: float) -> Contacts:
         normal=np.asarray(rows["normal"]).reshape(-1, 3),
         force=np.asarray(rows["impulse"]).reshape(-1, 3) / interval,
         gap=gap,
-        closed=closed(result, body, gap, place, np.full(len(body), float(result.time[frame]))),
+        closed=closed(result, body, gap, place, np.full(len(body), frame)),
     )

@@ -28,7 +28,9 @@ class Stress(Measure):
     contact: F64
     """Love-Weber: sum of branch_i force_j over the contacts, per volume, (3, 3)."""
     kinetic: F64
-    """Sum of m v'_i v'_j over the balls, per volume, (3, 3); v' is the velocity against the mean of the region."""
+    """Sum of m v'_i v'_j over the balls, per volume, (3, 3); v' is the velocity against the mean of the region, where the
+    periodic box deforms against its mean flow and the mean of what is left.
+    """
     volume: float
     """Of the region, m^3."""
 
@@ -77,12 +79,12 @@ def stress(source: RunData | Snapshot, region: Region, frame: int = -1) -> Stres
     s = snapshot(source, frame)
     c = s.touching
     end = s.position[c.first]
-    rows, moved = images(region, end, np.linalg.norm(s.branch, axis=1), s.period)
+    rows, moved = images(region, end, np.linalg.norm(s.branch, axis=1), s.box)
     share = np.bincount(rows, line_share(region, moved - s.branch[rows], moved), minlength=len(end))
     contact = np.einsum("c,ci,cj->ij", share, s.branch, c.force) / region.volume
     there = s.present
     part = (s.within(region) / s.volume)[there]
-    mass, velocity = s.known("mass")[there] * part, s.known("velocity")[there]
+    mass, velocity = s.known("mass")[there] * part, s.against_flow[there]
     kinetic = np.zeros((3, 3))
     if mass.sum() > 0:
         away = velocity - (mass @ velocity) / mass.sum()
@@ -119,7 +121,7 @@ class Temperature(Measure):
     velocity: F64
     """Mean velocity, (3,), m/s."""
     gradient: F64
-    """Of the mean velocity, d v_i / d x_j, (3, 3), 1/s; zero where a uniform mean was removed."""
+    """Of the mean velocity, d v_i / d x_j, (3, 3), 1/s; where a uniform mean was removed that of the deforming box, or 0."""
     balls: int
 
 
@@ -129,8 +131,9 @@ def granular_temperature(
     """Granular temperature of the balls whose centre is in the `region`, or of all.
 
     What fluctuates is the velocity v' against the mean field: `mean` "uniform" (one velocity), "affine" (a velocity that
-    varies linearly, fitted), or "none". The numbers of fitted coefficients are taken off the number of balls, so that
-    few balls do not seem colder.
+    varies linearly, fitted), or "none". Where the periodic box deforms its mean flow is taken off first, also with "none":
+    another image of a ball has another velocity. The numbers of fitted coefficients are taken off the number of balls, so
+    that few balls do not seem colder.
     """
     fitted = {"none": 0, "uniform": 1, "affine": 4}
     if mean not in fitted:
@@ -138,20 +141,24 @@ def granular_temperature(
     s = snapshot(source, frame)
     there, place = s.present, s.folded[s.present]
     if region is not None:
-        rows, place = inside(region, s.position[there], s.period)
+        rows, place = inside(region, s.position[there], s.box)
         there = there[rows]
     n = len(there)
     nothing = np.full((3, 3), np.nan)
     if n <= fitted[mean]:
         return Temperature(np.nan, np.nan, nothing, nothing[0], nothing, n)
-    mass, v = s.known("mass")[there], s.known("velocity")[there]
+    mass, v = s.known("mass")[there], s.against_flow[there]
     spin, inertia = s.known("angular_velocity")[there], s.known("inertia")[there]
     total = float(mass.sum())
     average, turning = mass @ v / total, inertia @ spin / max(float(inertia.sum()), _TINY)
     gradient: F64 = np.zeros((3, 3))
     field, around = np.zeros_like(v), np.zeros_like(spin)
+    if s.box is not None and s.box.deforms:
+        flow = s.box.flow_velocity(place)
+        v, average = v + flow, average + mass @ flow / total  # of the images that are there
+        field, gradient = flow, s.box.velocity_gradient
     if mean != "none":
-        field, around = np.broadcast_to(average, v.shape), np.broadcast_to(turning, spin.shape)
+        field, around = field + (average - mass @ field / total), np.broadcast_to(turning, spin.shape)
     if mean == "affine":
         x = place - mass @ place / total
         root = np.sqrt(mass)[:, None]

@@ -89,7 +89,7 @@ def heap_angle(
         or between[0] >= between[1]
     ):
         raise CaromError(f"heap_angle: between = {between}; give two parts of the slope, the lower one first")
-    s, _ = _deposit(snapshot(source, frame), _LOOSE)
+    s, _ = _deposit(_not_sheared(snapshot(source, frame)), _LOOSE)
     x, axis = opened(s.position, s.period), None
     if len(x) and shape == "radial":
         axis = _axis(s, centre)
@@ -156,6 +156,15 @@ def _enough(distance: F64) -> bool:
 def _angle(distance: F64, height: F64) -> float:
     """rad, positive where it falls; nan where no line can be fitted."""
     return float(np.arctan(-_theil_sen(distance, height)[0])) if _enough(distance) else float("nan")
+
+
+def _not_sheared(s: Snapshot) -> Snapshot:
+    """A heap leaves a part of the period free, which images that are displaced would fill."""
+    if s.box is not None and s.box.sheared:
+        raise CaromError(
+            "heap_angle and run_out know no periodic box that is sheared; take a frame without shear"
+        )
+    return s
 
 
 def _deposit(s: Snapshot, loose: float) -> tuple[Snapshot, int]:
@@ -301,7 +310,7 @@ def run_out(
     )
     if not (is_number(loose) and loose >= 0):
         raise CaromError(f"run_out: loose = {loose!r}; give a number from 0, of mean diameters")
-    deposit, strays = _deposit(after, loose)
+    deposit, strays = _deposit(_not_sheared(after), loose)
     for name, s in (("start", before), ("frame", deposit)):
         if not len(s.present):
             raise CaromError(

@@ -70,6 +70,8 @@ ATTRIBUTES: dict[str, tuple[int, ...]] = {
     "start_step": (),
     "periodic": (3,),
     "periodic_origin": (3,),
+    "box_flow": (),
+    "box_gradient": (),
 }
 NEEDED = ("step", "every", "gravity")
 
@@ -77,10 +79,10 @@ NEEDED = ("step", "every", "gravity")
 POSITIVE = ("radius", "mass", "inertia")
 
 #: Columns that a file may be without.
-OPTIONAL = {"motion", "free", "free_walls", "clumps", "joint_impulse", "walls", "present", "part"}
+OPTIONAL = {"motion", "free", "free_walls", "clumps", "box", "joint_impulse", "walls", "present", "part"}
 
 #: Axes that the text of a column names, with their lengths; others are as long as there are bodies, joints or walls.
-AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2, "3": 3, "13": 13}
+AXES = {"xyz": 3, "wxyz": 4, "A and B": 2, "6": 6, "2": 2, "3": 3, "13": 13, "xyz and offset": 4}
 
 
 class Meaning(NamedTuple):
@@ -124,6 +126,11 @@ MEANINGS: dict[str, Meaning] = {
         "m, 1, m/s, rad/s",
         "(frame, clump, 13) centre of mass (3), unit quaternion of the principal axes (4), velocity (3) and angular velocity"
         " (3), in the world frame",
+    ),
+    "frames/box": Meaning(
+        "m",
+        "(frame, xyz and offset) lengths of a periodic box that deforms, 0 along axes that do not repeat. Then the"
+        " displacement along axis `box_flow` of the image one up along axis `box_gradient` (attributes, 0 to 2)",
     ),
     "frames/walls": Meaning(
         "N s, N m s",

@@ -145,6 +145,8 @@ def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
     if tree.world.periodic is not None and any(tree.world.periodic):
         found["periodic"] = np.array(tree.world.periodic)
         found["periodic_origin"] = np.array(tree.world.origin)
+        if tree.world.deformation is not None and (deforms := tree.world.deformation.for_core()):
+            found["deformation"] = deforms
     first = {s.index: s.start for s in balls.segments if s.section == "inflow"}
     if tree.inflow:
         found["inflow"] = [table.as_core(first[i]) for i, table in enumerate(tree.inflow)]
@@ -203,7 +205,9 @@ def identify(model: Mapping[str, Any]) -> str:
     digest = hashlib.sha256()
 
     def feed(name: str, value: Any) -> None:
-        if isinstance(value, Mapping):
+        if name == "/deformation":  # laws and numbers of axes
+            digest.update(f"{name} {sorted(value.items())!r}".encode())
+        elif isinstance(value, Mapping):
             for key in sorted(value):
                 feed(f"{name}/{key}", value[key])
         elif name == "/meshes":

@@ -96,8 +96,8 @@ class Builder:
             Contact,
             label,
             between=(a, b),
-            friction=_law(friction),
-            restitution=_law(restitution),
+            friction=law(friction),
+            restitution=law(restitution),
             tangential_restitution=tangential_restitution,
             rolling_radius=rolling_radius,
             spinning_radius=spinning_radius,
@@ -355,6 +355,6 @@ class Builder:
         self._names.add(name)
 
 
-def _law(value: float | str | Mapping[str, Any]) -> float | Mapping[str, Any]:
+def law(value: float | str | Mapping[str, Any]) -> float | Mapping[str, Any]:
     """A law in the words of a scenario: a text is an expression."""
     return {"expression": value} if isinstance(value, str) else value

@@ -26,7 +26,8 @@ class Taker(Builder):
         `frame` counts as in arrays, the last one by default; with `time` (s) it is the nearest one. Names, radii, masses,
         inertias, materials (by name), positions and velocities are those of the run to the last bit, orientations to
         rounding; absent balls are left out. Walls, laws, gravity, joints and loads are those of this scene, whose time
-        begins at 0.
+        begins at 0. Of a run whose periodic box deforms velocities are those against its mean flow, as scenes have them; the
+        box is not taken over, and one that is sheared fits where `result.box(frame).tilt` is 0.
 
         Balls of a settled pile overlap by up to about the `pile_tolerance` of its run. Give this scene the same one, and
         they count as touching.
@@ -50,6 +51,11 @@ class Taker(Builder):
             name: np.asarray(result.bodies[name]).tolist()
             for name in ("radius", "mass", "inertia", "material")
         }
+        box = result.box(frame)
+        if box is not None and box.deforms:
+            # Velocities of a scene are against its mean flow.
+            flow = box.flow_velocity(np.asarray(result.position[frame]))
+            state["velocity"] = (np.asarray(result.velocity[frame]) - flow).tolist()
         there = np.flatnonzero(np.isfinite(np.asarray(result.position[frame])).all(axis=1)).tolist()
         parts = {k for clump in result.clumps.values() for k in clump.numbers.tolist()}
         taken: list[Sphere | Clump] = []
@@ -71,6 +77,8 @@ class Taker(Builder):
             self.material(table.material)
             placed = table.placed(clump.position[frame], clump.orientation[frame])
             placed.velocity = clump.velocity[frame]
+            if box is not None and box.deforms:
+                placed.velocity = clump.velocity[frame] - box.flow_velocity(clump.position[frame])
             placed.angular_velocity = clump.angular_velocity[frame]
             self._tree.clump.append(placed)
             taken.append(placed)

@@ -9,6 +9,7 @@ import numpy as np
 
 from carom.errors import quoted
 from carom.scene.assembly.mechanics import MECHANICS
+from carom.scene.checks.deformation import least_lengths
 from carom.scene.messages import Finding
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.impact_laws import LAWS
@@ -87,9 +88,13 @@ def check_size(parts: Parts) -> Iterator[Finding]:
         centre, radius = balls[:, :3], balls[:, 3]
         apart = np.linalg.norm(centre[:, None] - centre[None], axis=2) + radius[:, None] + radius[None]
         longest = float(apart.max())
-        for k, period in enumerate(periods):
+        for k, (period, time) in enumerate(least_lengths(parts)):
             if 0 < period <= longest:
-                cause = f"clump {quoted(clump.name)} is {longest:g} m long, and the period along {'xyz'[k]} {period:g} m"
+                when = f" at t = {time:.4g} s" if time > 0 else ""
+                cause = (
+                    f"clump {quoted(clump.name)} is {longest:g} m long,"
+                    f" and the period along {'xyz'[k]} {period:g} m{when}"
+                )
                 cure = f"give a period above {longest:g} m: with less, the clump could meet itself"
                 yield Finding(("clump", i, "spheres"), cause, cure)
                 break

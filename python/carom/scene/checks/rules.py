@@ -20,6 +20,7 @@ from carom.scene.assembly.mechanics import MECHANICS
 from carom.scene.assembly.placing import Placed, placed_walls
 from carom.scene.checks.attachments import check_names
 from carom.scene.checks.clumps import check_clumps, check_size, usable_clumps
+from carom.scene.checks.deformation import check_deformation
 from carom.scene.checks.flow import check_flow
 from carom.scene.checks.joint_start import check_start
 from carom.scene.checks.overlap import overlaps
@@ -97,6 +98,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     yield from _materials(parts)
     yield from _pairs(parts)
     yield from check_clumps(parts)
+    yield from check_deformation(parts)
     wrong_names = list(check_names(parts))
     yield from wrong_names
     if len(parts.bodies().names) == 0:

@@ -13,6 +13,7 @@ from carom.errors import quoted
 from carom.scene.assembly.distances import gaps
 from carom.scene.assembly.placing import Placed
 from carom.scene.assembly.vectors import cross, norm, scaled
+from carom.scene.checks.deformation import least_lengths
 from carom.scene.messages import Finding
 from carom.scene.tables.model import World
 from carom.scene.tables.quantities import Vec3, unit
@@ -144,10 +145,18 @@ def check_periodic(parts: Parts, world: World | None) -> Iterator[Finding]:
         return
     bodies = parts.bodies()
     largest = float(bodies.radius.max(initial=0.0))
-    for k, period in enumerate(periods):
-        if 0 < period < PERIOD * largest:
-            cause = f"a period of {period:g} m along {'xyz'[k]} is below {PERIOD:g} radii of the largest ball"
-            cure = f"give at least {PERIOD * largest:g} m: with less, two balls could touch twice"
+    for k, (length, time) in enumerate(least_lengths(parts)):
+        if not 0 < length < PERIOD * largest:
+            continue
+        cure = f"give at least {PERIOD * largest:g} m: with less, two balls could touch twice"
+        if time > 0:
+            cause = (
+                f"shortens the period along {'xyz'[k]} to {length:g} m at t = {time:.4g} s,"
+                f" below {PERIOD:g} radii of the largest ball"
+            )
+            yield Finding(("world", "deformation", "stretch", k), cause, cure)
+        else:
+            cause = f"a period of {length:g} m along {'xyz'[k]} is below {PERIOD:g} radii of the largest ball"
             yield Finding(("world", "periodic", k), cause, cure)
     axes = [k for k, period in enumerate(periods) if period > 0]
     for wall in parts.walls():

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 
 from carom.arrays import F64, I64
+from carom.scene.packing.periodic import PeriodicBox
 
 #: Gap over radius up to which bodies touch, unless it was larger while their contact was closed, as piles leave it within
 #: their tolerance. Bodies that overlap touch.
@@ -24,18 +25,19 @@ _ALL = np.array(
 _HALF = _ALL[4:]  # the own one first
 
 
-def pairs(position: F64, reach: F64, period: F64 | None = None) -> tuple[I64, I64]:
+def pairs(position: F64, reach: F64, period: PeriodicBox | F64 | None = None) -> tuple[I64, I64]:
     """All pairs a < b whose centres are no further apart than the sum of their reaches, sorted by a, then b.
 
-    `position` (N, 3) m, `reach` (N,) m; `period` (3,) m are the lengths of a periodic box, 0 along other axes.
+    `position` (N, 3) m, `reach` (N,) m; `period` is a periodic box, or its lengths (3,) m, 0 along other axes.
     Of a pair and its images the nearest counts.
     """
     n = len(position)
     if n < 2:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     owner = np.arange(n)
-    if period is not None and (period > 0).any():
-        position, owner = _with_images(position, float(reach.max()), period)
+    box = PeriodicBox.of(period)
+    if box is not None:
+        position, owner = _with_images(position, float(reach.max()), box)
     first, second = _near(position, reach[owner], n)
     first, second = owner[first], owner[second]
     a, b = np.minimum(first, second), np.maximum(first, second)
@@ -43,38 +45,24 @@ def pairs(position: F64, reach: F64, period: F64 | None = None) -> tuple[I64, I6
     return found // n, found % n
 
 
-def separation(delta: F64, period: F64 | None) -> F64:
+def separation(delta: F64, period: PeriodicBox | F64 | None) -> F64:
     """Differences of positions (M, 3), to the nearest image in a periodic box."""
-    if period is None or not (period > 0).any():
-        return delta
-    length = np.where(period > 0, period, 1.0)
-    nearest: F64 = delta - np.where(period > 0, period, 0.0) * np.rint(delta / length)
-    return nearest
+    box = PeriodicBox.of(period)
+    return delta if box is None else box.nearest(delta)
 
 
-def folded(position: F64, period: F64 | None, origin: F64 | None = None) -> F64:
-    """Places (..., 3), m, within the period that begins at `origin` (3,), m; along axes whose `period` is 0 as they are."""
-    if period is None or not (period > 0).any():
-        return position
-    low = np.zeros(3) if origin is None else origin
-    turns = np.floor((position - low) / np.where(period > 0, period, np.inf))
-    moved: F64 = position - np.where(period > 0, period, 0.0) * turns
-    return moved
-
-
-def _with_images(position: F64, reach: float, period: F64) -> tuple[F64, I64]:
+def _with_images(position: F64, reach: float, box: PeriodicBox) -> tuple[F64, I64]:
     """The balls, brought into the box from its lowest position on, then the images that may touch them."""
     inside = np.array(position)
     owner = np.arange(len(position))
-    for axis in np.flatnonzero(period > 0):
-        length, low = period[axis], inside[:, axis].min()
-        inside[:, axis] -= length * np.floor((inside[:, axis] - low) / length)
+    vectors = box.vectors
+    for axis in box.order:
+        # An image along the gradient is displaced along the flow, which is folded after it.
+        length, step, low = box.lengths[axis], vectors[axis], inside[:, axis].min()
+        inside -= np.floor((inside[:, axis] - low) / length)[:, None] * step
         above = np.flatnonzero(inside[:, axis] < low + 2.0 * reach)
         below = np.flatnonzero(inside[:, axis] >= low + length - 2.0 * reach)
-        images = np.concatenate([inside[above], inside[below]])
-        images[: len(above), axis] += length
-        images[len(above) :, axis] -= length
-        inside = np.concatenate([inside, images])
+        inside = np.concatenate([inside, inside[above] + step, inside[below] - step])
         owner = np.concatenate([owner, owner[above], owner[below]])
     return inside, owner
 

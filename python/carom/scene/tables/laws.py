@@ -29,6 +29,8 @@ LawValue = float | dict[str, Any]
 
 FORMS = ("polynomial", "table", "expression")
 MOST_COEFFICIENTS, MOST_POINTS = 100, 100_000
+FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25)
+"""Weights of the first derivative in values at 0, 1, 2, 3 and 4 steps, of fourth order."""
 _NUMBER = Quantity()
 _POINT = Vector(size=2)
 
@@ -109,10 +111,11 @@ class Law(Checked):
 
 @dataclass(frozen=True)
 class LawVector(Checked):
-    """Three laws, one per fixed axis."""
+    """Three laws, one per fixed axis; `bounds` as in `Law`."""
 
     variable: str
     dimension: str
+    bounds: Bounds = ANY
 
     def check(self, value: Any) -> tuple[LawValue, ...]:
         value = as_list(value)
@@ -123,7 +126,7 @@ class LawVector(Checked):
         return tuple(each(value, self._item().check))
 
     def _item(self) -> Law:
-        return Law(self.variable, self.dimension)
+        return Law(self.variable, self.dimension, self.bounds)
 
     def json_schema(self) -> dict[str, Any]:
         return {"type": "array", "items": self._item().json_schema(), "minItems": 3, "maxItems": 3}
@@ -241,12 +244,31 @@ def slope_at_start(law: LawValue, h: float) -> tuple[float, float]:
             if x0 <= 0.0 < x1:
                 return (y1 - y0) / (x1 - x0), 0.0
         return 0.0, 0.0
-    weights = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25)
     values = {k: value_at(law, 0.5 * k * h) for k in (0, 1, 2, 3, 4, 6, 8)}
-    coarse = sum(w * values[2 * k] for k, w in enumerate(weights)) / h
-    fine = sum(w * values[k] for k, w in enumerate(weights)) / (0.5 * h)
+    coarse = sum(w * values[2 * k] for k, w in enumerate(FORWARD)) / h
+    fine = sum(w * values[k] for k, w in enumerate(FORWARD)) / (0.5 * h)
     rounding = 64.0 * np.finfo(float).eps * max(map(abs, values.values())) / h
     return fine, abs(fine - coarse) + rounding
+
+
+def slope_at(law: LawValue, x: float, h: float) -> float:
+    """Derivative at `x`, of a table from the right.
+
+    That of an expression is a difference of fourth order over steps of `h`: to both sides, or to the right at the start.
+    """
+    if not isinstance(law, dict):
+        return 0.0
+    ((form, data),) = law.items()
+    if form == "polynomial":
+        return float(np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyder(data)))
+    if form == "table":
+        around = (rise for rise in itertools.pairwise(data) if rise[0][0] <= x + 1e-12 * abs(x) < rise[1][0])
+        (x0, y0), (x1, y1) = next(around, ((0.0, 0.0), (1.0, 0.0)))
+        return float((y1 - y0) / (x1 - x0))
+    if x < 2.0 * h:
+        return sum(w * value_at(law, x + k * h) for k, w in enumerate(FORWARD)) / h
+    ahead, twice = (value_at(law, x + k * h) - value_at(law, x - k * h) for k in (1, 2))
+    return float((8.0 * ahead - twice) / (12.0 * h))
 
 
 def times(law: LawValue, factor: float) -> LawValue:

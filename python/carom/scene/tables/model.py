@@ -15,6 +15,7 @@ from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
 from carom.scene.tables.billiard import BilliardTable
 from carom.scene.tables.clumps import Clump
+from carom.scene.tables.deformation import Deformation
 from carom.scene.tables.fields import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -95,6 +96,9 @@ class World(Table):
         examples=[[0.1, 0.1, 0.0]],
     )
     origin: Position = key("lowest corner of the periodic box", "m", default=ZEROS)
+    deformation: Deformation | None = key(
+        "how the periodic box changes its size or is sheared; its centre stays", default=None
+    )
 
 
 class Material(Table):
@@ -212,6 +216,7 @@ REPEATED: dict[str, type[Table]] = {
 """Tables written `[[name]]`, any number of times."""
 
 NESTED: dict[str, type[Table]] = {
+    "deformation": Deformation,
     "motion": Motion,
     "free": Free,
     "rotation": Rotation,

@@ -18,11 +18,10 @@ from carom.scene.assembly.rotations import rotated, upward
 from carom.scene.billiards.look import KINDS, BallLook, ball_looks
 from carom.scene.billiards.marked import table_of
 from carom.scene.billiards.shape import BED, Shape
-from carom.scene.packing.neighbours import folded
 from carom.show.film import camera
 from carom.show.film.balls import GRAIN, PLAIN, Balls, Shadows
 from carom.show.film.look import Look
-from carom.show.film.mesh import Colour, actor, colour, mesh
+from carom.show.film.mesh import Colour, actor, colour, mesh, place
 from carom.show.film.playback import Moment, Playback
 from carom.show.film.table import Felt
 from carom.show.film.window import off_screen, pixels, vtk
@@ -49,11 +48,11 @@ class Stage:
         self._playback, self._look = playback, look
         self._up = upward(result.gravity)
         low, high = playback.low, playback.high
-        self._periods = np.zeros(3) if result.periodic is None else result.periodic
-        self._origin = result.periodic_origin
-        closed = self._periods > 0  # balls are drawn within the box
-        low = np.where(closed, self._origin, low)
-        high = np.where(closed, self._origin + self._periods, high)
+        self._boxes = result.boxes
+        closed = np.zeros(3, dtype=bool)  # along these axes balls are drawn within the box
+        if self._boxes is not None:
+            closed = self._boxes.first.lengths > 0
+            low, high = self._boxes.around(low, high)
         table = table_of(result)
         shape = None if table is None else Shape(table)
         drawn = set() if shape is None else {BED, *shape.walls}  # by the table, in its own way
@@ -64,6 +63,7 @@ class Stage:
         if shape is not None:
             low, high = np.minimum(low, shape.box[0]), np.maximum(high, shape.box[1])
         self._middle, self._scale = 0.5 * (low + high), 2.0 / float((high - low).max())
+        self._ends = low, high
         low, high = self._scaled(low), self._scaled(high)
         self._eye = camera.whole(look.camera, low, high, self._up, look.width / look.height)
         self._followed = None if look.follow is None else result[look.follow].index
@@ -99,7 +99,7 @@ class Stage:
             self._renderer.AddActor(self._felt.actor)
             self._shade(self._felt.bed, np.array([0.0, 0.0, 1.0]))
         self._set(found)
-        self._periodic(low, high)
+        self._edges = self._periodic()
         self._links = links(result, 1)
         self._rods = mesh(np.zeros((0, 3)))
         if self._links:
@@ -114,7 +114,10 @@ class Stage:
 
     def picture(self, moment: Moment) -> NDArray[np.uint8]:
         """The moment as (height, width, 3), the upper row first."""
-        centre = self._folded(moment.position)
+        box = None if self._boxes is None else self._boxes.at(moment.time).tilted
+        centre = self._scaled(moment.position if box is None else box.fold_tilted(moment.position))
+        if box is not None and self._edges is not None:
+            place(self._edges, self._scaled(box.corners(*self._ends)))
         radius = self._scale * self._playback.radius[moment.body]
         eye = self._eye
         if self._followed is not None and self._followed in moment.body:
@@ -147,10 +150,6 @@ class Stage:
 
     def _scaled(self, points: F64) -> F64:
         return (points - self._middle) * self._scale
-
-    def _folded(self, position: F64) -> F64:
-        """Centres in the scene; of a periodic world within one period."""
-        return self._scaled(folded(position, self._periods, self._origin))
 
     # Walls.
 
@@ -253,16 +252,17 @@ class Stage:
             grid.GetProperty().LightingOff()
             self._renderer.AddActor(grid)
 
-    def _periodic(self, low: F64, high: F64) -> None:
-        """The edges of a periodic box, which along other axes holds what is shown."""
-        if not self._periods.any():
-            return
-        corners = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    def _periodic(self) -> Any:
+        """The edges of a periodic box, which along other axes holds what is shown; None without."""
+        if self._boxes is None:
+            return None
         edges = np.array([(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1])
-        lines = actor(mesh(corners, lines=edges), colour(LINE))
+        found = mesh(self._scaled(self._boxes.first.corners(*self._ends)), lines=edges)
+        lines = actor(found, colour(LINE))
         lines.GetProperty().LightingOff()
         lines.GetProperty().SetLineWidth(max(1.0, self._look.height / 500))
         self._renderer.AddActor(lines)
+        return found
 
     # Balls.
 

@@ -105,8 +105,7 @@ def _closed(result: RunData, pair: I64, gap: Array, frames: Array) -> Bool:
         np.asarray(result.position[:, end])[frames]
         for end in np.minimum(pair, len(result.names) - 1).tolist()
     )
-    time = np.asarray(result.time)[frames]
-    return closed(result, np.tile(pair, (len(frames), 1)), gap, (first, second), time)
+    return closed(result, np.tile(pair, (len(frames), 1)), gap, (first, second), frames)
 
 
 def impacts(result: RunData, step: int | None = None) -> Chart:

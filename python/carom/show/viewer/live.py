@@ -22,11 +22,10 @@ from carom.errors import CaromError, extra
 from carom.result.clumps import rigid
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import upward
-from carom.scene.packing.neighbours import folded
 from carom.show.surfaces import surfaces
 from carom.show.viewer.gate import gated
 from carom.show.viewer.live_shapes import ball_halves
-from carom.show.viewer.scenery import bounds, held, period
+from carom.show.viewer.scenery import bounds, deforming, held, period
 
 HOST = "127.0.0.1"
 PORT = 8080
@@ -137,7 +136,8 @@ class Live:
         scene.set_up_direction(tuple(up))
         self._scale = 1.0
         position, orientation = self._bodies(0)
-        low, high = bounds(position[np.newaxis], None, period(result))
+        low, high = bounds(position[np.newaxis], None, period(result), deforming(result))
+        self._ends = low, high
         low, high = low - self._radius.max(), high + self._radius.max()
         # Lights and depth of the page are made for scenes of some metres.
         self._scale = SIZE / float(np.linalg.norm(high - low))
@@ -175,6 +175,7 @@ class Live:
             handle.position = self._scale * np.asarray(wall.facts["point"], dtype=np.float64)
             if wall.motion.moves:
                 self._walls.append((wall.name, handle))
+        self._edges = self._outline()
         self._camera(self._scale * low, self._scale * high, up)
         gui.add_markdown("**" + self._title.replace("*", "") + "**")
         for note in self.notes:
@@ -185,6 +186,22 @@ class Live:
         self._follow = gui.add_checkbox("Newest", result.is_being_written, hint="stay with the newest frame")
         self._slider.on_update(lambda _: self._draw())
         self._draw()
+
+    def _outline(self) -> Any:
+        """The edges of a periodic box that deforms; None of others."""
+        if (points := self._corners(0)) is None:
+            return None
+        return self._server.scene.add_line_segments(
+            "/box", points, WALL, thickness=1.5, thickness_units="screen"
+        )
+
+    def _corners(self, frame: int) -> F64 | None:
+        """The ends of these edges, (12, 2, 3), scaled to the page."""
+        boxes = deforming(self._result)
+        if boxes is None:
+            return None
+        corners = self._scale * boxes[frame].tilted.corners(*self._ends)
+        return np.asarray(corners[[(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1]])
 
     def _camera(self, low: F64, high: F64, up: F64) -> None:
         middle, reach = 0.5 * (low + high), float(np.linalg.norm(high - low))
@@ -201,7 +218,9 @@ class Live:
         """
         result, bodies = self._result, slice(None, None, self._every)
         position = np.asarray(result.position[frame], dtype=np.float64)[bodies]
-        position = self._scale * folded(position, result.periodic, result.periodic_origin)
+        if (box := result.box(frame)) is not None:
+            position = box.tilted.fold_tilted(position)
+        position = self._scale * position
         orientation = np.asarray(result.orientation[frame], dtype=np.float64)[bodies]
         there = np.isfinite(position[:, 0]).reshape(1, -1)
         if there.all():
@@ -223,6 +242,8 @@ class Live:
                     half.batched_positions = position
                     half.batched_wxyzs = orientation
                     half.batched_scales = np.where(there, self._radius, 0.0)
+                if self._edges is not None:
+                    self._edges.points = self._corners(frame)
                 for name, handle in self._walls:
                     wall = result.walls[name]
                     handle.position = self._scale * wall.position[frame]

@@ -29,7 +29,7 @@ from carom.scene.billiards.shape import Shape
 from carom.show.viewer import codec
 from carom.show.viewer.happenings import happenings
 from carom.show.viewer.links import links
-from carom.show.viewer.scenery import bounds, held, period, scenery
+from carom.show.viewer.scenery import bounds, deforming, held, period, scenery
 from carom.show.viewer.table import ball_facts, packed_table, table_facts
 
 FORMAT = 1
@@ -57,8 +57,9 @@ class Viewable(Protocol):
 
     The tables are anything that gives a column by its name: `bodies["radius"]`, one a body, and
     `planes["name"]`, `planes["point"]`, `planes["normal"]`, one a plane. `gravity` (3,), `impacts["time"]`,
-    `walls` (as `carom.result.walls.Walls`), `present` (frame, body), `periodic` (3,), the tables `impacts` and `contacts`,
-    `energy` and `scenario` (for joints and springs) are used where there are such.
+    `walls` (as `carom.result.walls.Walls`), `present` (frame, body), `periodic` (3,), `boxes` (as
+    `carom.result.boxes.Boxes`), the tables `impacts` and `contacts`, `energy` and `scenario` (for joints and springs) are
+    used where there are such.
     """
 
     @property
@@ -195,7 +196,8 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
     position = read_bodies("position")
     origin, step = codec.position_grid(position, radius)
     add("position", codec.quantise(position, step, origin), step=step, origin=origin.tolist())
-    low, high = bounds(position, present, fold)
+    boxes = deforming(result)
+    low, high = bounds(position, present, fold, boxes)
     if present is not None:
         add("present", present[..., np.newaxis].astype(np.int32))
     add(
@@ -222,7 +224,8 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
     happened = happenings(result, frames, every, 0.75 * budget)
     for name, values in happened.columns.items():
         add(name, values)
-    for name, doubles in happened.doubles.items():
+    rows = {} if boxes is None or boxes.rows is None else {"boxes": boxes.rows[frames].ravel()}
+    for name, doubles in {**happened.doubles, **rows}.items():
         arrays[name] = {"offset": sum(map(len, chunks)), "shape": [len(doubles)]}
         chunks.append(doubles.astype("<f8").tobytes())
     tied = links(result, every)
@@ -239,6 +242,7 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
         "colours": COLOURS,
         **ball_facts(result, table, every),
         **({"period": fold} if fold is not None else {}),
+        **({} if boxes is None else {"shear": [boxes.first.flow, boxes.first.gradient]}),
         **({"links": tied} if tied else {}),
         **happened.facts,
         "notes": happened.notes,

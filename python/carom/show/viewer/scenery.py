@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
+from carom.result.boxes import Boxes
 from carom.result.record.walls import PARAMETERS, WIDTHS
 from carom.show.surfaces import sharp_edges
 
@@ -133,12 +134,24 @@ def period(result: Any) -> tuple[Sequence[float], Sequence[float]] | None:
     return _vector(found), _vector(getattr(result, "periodic_origin", (0.0, 0.0, 0.0)))
 
 
-def bounds(position: F64, present: Bool | None, fold: tuple[Any, Any] | None) -> tuple[F64, F64]:
-    """Lowest and highest coordinates of the centres that are shown, m; along a periodic axis those of the period."""
+def deforming(result: Any) -> Boxes | None:
+    """The periodic boxes of the frames, if they differ."""
+    boxes: Boxes | None = getattr(result, "boxes", None)
+    return boxes if boxes is not None and boxes.deform else None
+
+
+def bounds(
+    position: F64, present: Bool | None, fold: tuple[Any, Any] | None, boxes: Boxes | None = None
+) -> tuple[F64, F64]:
+    """Lowest and highest coordinates of the centres that are shown, m; along a periodic axis those of the period, or of all
+    `boxes` that differ.
+    """
     there = position.reshape(-1, 3) if present is None else position[present]
     if len(there) == 0:
         there = np.zeros((1, 3))
     low, high = there.min(axis=0), there.max(axis=0)
+    if boxes is not None:
+        return boxes.around(low, high)
     if fold is not None:
         lengths, origin = (np.asarray(part) for part in fold)
         low = np.where(lengths > 0, origin, low)
