@@ -18,14 +18,13 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, cohesion, groups, reactions, rigid, turning
+from carom.audit import answers, carried, cohesion, groups, reactions, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
-from carom.audit.forces import pushes, speeds, together
+from carom.audit.forces import absolute, pushes, speeds, together
 from carom.audit.formula import law
 from carom.audit.loads import of_loads, remembered
-from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
@@ -36,14 +35,28 @@ from carom.scene.tables.options import loads_once
 def judge(block: Block, near: Near, tally: Tally) -> None:
     """All three, for the intervals of a block."""
     potential = _potential(block, near)
-    motion = kinetic(block)[1]
-    _record(block, tally, motion, potential)
+    _record(block, tally, _motion(block), potential)
     _balance(block, tally)
 
 
 def scale(block: Block) -> F64:
     """(B,) sum of the absolute energies of all bodies at the second frame, J: what roundings are relative to."""
-    return np.asarray(np.nansum(rigid.sizes(block.run, block.x1, block.v1, block.w1, block.c1), axis=1))
+    v, rows = _recorded(block)
+    return np.asarray(np.nansum(rigid.sizes(block.run, block.x1, v, block.w1, rows), axis=1))
+
+
+def _recorded(block: Block) -> tuple[F64, F64]:
+    """Velocities (B, N, 3), and the motion of clumps, at the second frame as they are on record: after a kink."""
+    rows = block.c1.copy()
+    for number, clump in enumerate(block.run.clumps):
+        rows[:, number, 7:10] += block.kink[:, clump.first]
+    return block.v1 + block.kink, rows
+
+
+def _motion(block: Block) -> F64:
+    """(B,) kinetic energy at the second frame, J, of bodies that are there."""
+    v, rows = _recorded(block)
+    return np.asarray(np.nansum(rigid.kinetic(block.run, v, block.w1, rows), axis=1))
 
 
 def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
@@ -136,6 +149,8 @@ def _balance(block: Block, tally: Tally) -> None:
     change = motion[1] - motion[0]
     change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
     turned, turned_slack = turning.of_block(block)
+    carry, carry_slack = _carried(block)
+    turned, turned_slack = turned + carry, turned_slack + carry_slack
     change = change - turned
     for load in run.loads:
         if load["kind"] == "spring":
@@ -143,6 +158,7 @@ def _balance(block: Block, tally: Tally) -> None:
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
     work = c.work.sum(axis=1)
     lift = _lifted(run, c, c.position_impulse)
+    lift = lift + _sheared(block)
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
         gained = run.mass * dot(block.v1 - block.v0, run.falls)
@@ -224,7 +240,7 @@ def _attracted(block: Block) -> tuple[F64, F64]:
     work = np.nansum(0.5 * dot(given, block.v0 + after), axis=1)
     ends = [cohesion.potential(run, *at) for at in ((block.t0, block.x0), (block.t1, block.x1))]
     pairs, along, impulse, _ = cohesion.pulls(block)
-    driven, carried = np.zeros((2, block.count))
+    driven, moved = np.zeros((2, block.count))
     for w, wall in enumerate(run.walls):
         mine = np.flatnonzero(pairs.b == run.bodies + w)
         if not wall.moves or not mine.size:
@@ -234,10 +250,17 @@ def _attracted(block: Block) -> tuple[F64, F64]:
         first, last = block.x0[k, a] - r * pairs.normal[mine], block.x1[k, a] - r * along[mine]
         mean = wall.velocity(block.t0[k], first)[0] + wall.velocity(block.t1[k], last, end=True)[0]
         driven += np.bincount(k, 0.5 * dot(impulse[mine], mean), minlength=block.count)
-        carried += np.bincount(k, norm(impulse[mine]) * norm(mean), minlength=block.count)
+        moved += np.bincount(k, norm(impulse[mine]) * norm(mean), minlength=block.count)
+    image = block.image(pairs.k, pairs.a, pairs.b)
+    if image is not None:
+        box, k = run.box, pairs.k
+        mean = box.velocity(block.t0[k], image) + box.velocity(block.t1[k], image, end=True)
+        driven += np.bincount(k, 0.5 * dot(impulse, mean), minlength=block.count)
+        moved += np.bincount(k, norm(impulse) * norm(mean), minlength=block.count)
+        fast = absolute(block)
     solved = 4.0 * block.tolerance * np.nansum(norm(given) * fast, axis=1)
     unsure = solved + np.nansum(2.0 * slack * fast, axis=1) + ends[0][1] + ends[1][1]
-    unsure = unsure + 64.0 * EPS * (np.nansum(norm(given) * fast, axis=1) + carried)
+    unsure = unsure + 64.0 * EPS * (np.nansum(norm(given) * fast, axis=1) + moved)
     return work + ends[1][0] - ends[0][0] - driven, unsure
 
 
@@ -298,7 +321,47 @@ def _walls(block: Block) -> F64:
             ends.append((shape, material, spin))
         change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
         found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
-    return found
+    # Of images and the flow together it is the change of what bodies at a distance of their radii have (`_sheared`).
+    flow = np.where(block.single, 0.0, carried.strained(block))
+    lengths = run.radius[c.a] + run.reach[np.minimum(c.b, run.bodies)]
+    return np.asarray(found + flow[c.k] * lengths * norm(c.impulse))
+
+
+def _carried(block: Block) -> tuple[F64, F64]:
+    """(B, N) by how much the energy of bodies changes with the rate of a periodic box beyond the work of that on record, and
+    how far that may be off, J: their weight falls by the way that the box carries them, and is carried as it falls.
+    """
+    run, of_box = block.run, carried.of_block(block)
+    found, off = np.zeros((2, block.count, run.bodies))
+    if not run.box.deforms:
+        return found, off
+    mass = run.mass.copy()
+    for clump in run.clumps:
+        mass[clump.balls], mass[clump.first] = 0.0, clump.mass
+    theta = float(run.options["theta"]) - 0.5 if run.method == "moreau" else 0.0
+    # Moreau-Jean's ways, with the mean of both velocities, have half of it already.
+    beyond = of_box.way - (0.5 + theta) * block.dt[:, None, None] * of_box.velocity
+    single = block.single[:, None]
+    found = -mass * dot(beyond, run.falls)
+    slack = of_box.slack_way + block.dt[:, None] * of_box.slack
+    off = mass * norm(np.broadcast_to(run.falls, block.x0.shape)) * slack
+    most = mass * norm(run.falls) * (norm(of_box.way) + block.dt[:, None] * norm(of_box.velocity))
+    return np.where(single, found, 0.0), off + np.where(single, 0.0, most)
+
+
+def _sheared(block: Block) -> F64:
+    """(K,) J that impulses of contacts do with half of what the rate of the box changes by, over the distance of the bodies:
+    works on record have its velocities at both ends.
+    """
+    run, c = block.run, block.rows
+    if not run.box.deforms or not len(c):
+        return np.zeros(len(c))
+    ball = np.minimum(c.b, run.bodies - 1)
+    of_box, image = carried.of_block(block).velocity, block.image(c.k, c.a, c.b)
+    assert image is not None
+    apart = of_box[c.k, c.a] - np.where((c.b < run.balls)[:, None], of_box[c.k, ball], 0.0)
+    apart = apart - carried.image_change(block, c.k, image)
+    return np.where(block.single[c.k], 0.5 * dot(c.impulse, apart), 0.0)
 
 
 def rises(run: Run, tally: Tally) -> None:
@@ -343,6 +406,8 @@ def rises(run: Run, tally: Tally) -> None:
         pull = np.max([np.full(len(motion), g), *of_walls], axis=0)
         given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(forces)) * h
         bound = bound + 0.5 * h * pull * given
+    if run.box.deforms:
+        bound = bound + _jolted(run, motion)
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
@@ -351,6 +416,21 @@ def rises(run: Run, tally: Tally) -> None:
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
     tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
+
+
+def _jolted(run: Run, motion: F64) -> F64:
+    """(S,) by how much the energy may rise beyond the work on record where the rate of a box changes in a step, for kinetic
+    energies `motion` (S,), J: weights fall by what the box carries them (`_carried`), and impulses act at a distance of two
+    radii at most (`_sheared`): impulses of loads and motion, four times the momenta in jams.
+    """
+    far = 0.0
+    size = max(1, 1_000_000 // run.bodies)
+    for first in range(0, run.frames, size):
+        x = np.nan_to_num(run.state(slice(first, first + size))[0][:, : run.balls])
+        far = max(far, float((run.mass[: run.balls] * norm(x - run.box.middle)).sum(axis=1).max(initial=0.0)))
+    g, jolt = float(norm(run.gravity)), carried.jolts(run)
+    pushed = 4.0 * np.sqrt(2.0 * motion * run.whole_mass) + run.whole_mass * g * run.h
+    return np.asarray(jolt * (run.h * g * far + float(run.radius.max()) * pushed))
 
 
 @once
