@@ -43,11 +43,16 @@ def of_block(block: Block) -> Carried:
     way = block.flow((beyond[0], beyond[1]))
     # Rounding is that of what the changes are differences of.
     fast = norm(block.flow(first)) + norm(block.flow(last))
+    away = norm(block.x0) + float(norm(box.middle))
+    rates = box.strain_rate(block.t0) + box.strain_rate(block.t1, end=True) + box.strain_rate(block.t1)
+    fast = fast + rates[:, None] * away
     long = norm(block.flow(edges[0])) + norm(block.flow(edges[1])) + norm(block.x0 - box.middle)
     several = jolted(block)[:, None] * own(block) * block.dt[:, None]
     several = np.where(block.single[:, None], 0.0, several)
-    slack = 16.0 * EPS * fast + several
-    slack_way = 16.0 * EPS * (long + block.dt[:, None] * fast) + several * block.dt[:, None]
+    # Laws are known to that of their argument, too.
+    steps = (block.t1 / block.dt)[:, None]
+    slack = 16.0 * EPS * (fast + steps * norm(velocity)) + several
+    slack_way = 16.0 * EPS * (long + block.t1[:, None] * fast) + several * block.dt[:, None]
     slack[:, run.balls :] = slack_way[:, run.balls :] = 0.0
     return Carried(velocity, way, slack, slack_way)
 

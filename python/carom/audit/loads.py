@@ -203,7 +203,7 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
     for body, (start, end) in {b: (first[b], last[b]) for b in first}.items():
         mean = 0.5 * (start + end) * block.dt[:, None]
         out.impulse[:, body] += mean
-        own = _sizes(end - start) + jump[body]
+        own = _sizes(end - start) + jump[body] + _kinked(block, load)
         # What was before a block is not known: the force itself, at its first interval.
         earlier = _echo(block.run, own, _sizes(start[0]) * (block.first > 1))
         slack = 2.0 * (own + earlier) * block.dt[:, None]
@@ -212,6 +212,19 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
         out.shift[:, body] += 0.5 * mean * block.dt[:, None] / np.repeat(scale, 3)
         out.shift_slack[:, body] += slack * block.dt[:, None] / scale
         out.unknown[:, body] |= several
+
+
+def _kinked(block: Block, load: dict[str, Any]) -> F64:
+    """(B, 2) by how much the force and moment of a load change with the velocities, as the law of a periodic box has a kink
+    after the interval: the filter of the scheme still has those before it in the next one.
+    """
+    rate = norm(block.kink)
+    if load["kind"] == "drag":
+        force = float(load["translation"]) * rate[:, int(load["body"])]
+        return np.stack([force, np.zeros(block.count)], axis=1)
+    ends = [(int(load[side]), norm(np.asarray(load[f"arm_{side}"], dtype=np.float64))) for side in "ab"]
+    force = float(load["damping"]) * sum(rate[:, body] for body, _ in ends if body >= 0)
+    return np.stack([force, force * max(float(arm) for _, arm in ends)], axis=1)
 
 
 def _sizes(wrench: F64) -> F64:

@@ -115,7 +115,9 @@ def _scenario(run: Run, tally: Tally) -> None:
             for clump in run.clumps:  # whose flow its balls have
                 places[clump.balls] = clump.start[:3]
             flow = _flow(run, places)
-            wanted, size = wanted + flow, size + 4.0 * norm(flow)
+            away = norm(places) + float(norm(run.box.middle))
+            rate = float(run.box.strain_rate(np.zeros(1))[0])
+            wanted, size = wanted + flow, size + 4.0 * norm(flow) + rate * away
         off = norm(found - wanted) / (size + 1e-300)
         chosen = np.flatnonzero(present)
         tally.measure("scenario", off[chosen], 8.0 * EPS, _first(run, chosen))
