@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, carried, cohesion, groups, reactions, rigid, turning
+from carom.audit import answers, carried, cohesion, forces, groups, loads_once, reactions, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
@@ -29,7 +29,7 @@ from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
 from carom.result.remarks import RISE_PILE
-from carom.scene.tables.options import loads_once
+from carom.scene.tables.options import loads_once as solved_once
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:
@@ -268,7 +268,7 @@ def _once_step(block: Block) -> F64:
     """(B,) s: the step whose loads, solved once, lift what they move by more than sums over several steps tell."""
     run = block.run
     if run.method == "events":
-        handed = loads_once(run.options | {"method": "nsga"}) & (block.total(run.steps["stepped"]) > 0.0)
+        handed = solved_once(run.options | {"method": "nsga"}) & (block.total(run.steps["stepped"]) > 0.0)
         return np.where(handed, float(run.options["pressing_step"]), 0.0)
     return np.where(run.loads_once & ~block.single, run.h, 0.0)
 
@@ -324,7 +324,14 @@ def _walls(block: Block) -> F64:
     # Of images and the flow together it is the change of what bodies at a distance of their radii have (`_sheared`).
     flow = np.where(block.single, 0.0, carried.strained(block))
     lengths = run.radius[c.a] + run.reach[np.minimum(c.b, run.bodies)]
-    return np.asarray(found + flow[c.k] * lengths * norm(c.impulse))
+    found = found + flow[c.k] * lengths * norm(c.impulse)
+    image = block.image(c.k, c.a, c.b)
+    if run.loads_once and image is not None:
+        angle = np.where(block.single[c.k], norm(c.normal - block.start[1]), forces.turn(block))
+        known = block.single & run.has_impacts
+        off = angle * norm(c.impulse) * carried.image_speed(block, c.k, image)
+        found = found + np.where(known[c.k], 0.0, off)
+    return np.asarray(found)
 
 
 def _carried(block: Block) -> tuple[F64, F64]:
@@ -351,7 +358,8 @@ def _carried(block: Block) -> tuple[F64, F64]:
 
 def _sheared(block: Block) -> F64:
     """(K,) J that impulses of contacts do with half of what the rate of the box changes by, over the distance of the bodies:
-    works on record have its velocities at both ends.
+    works on record have its velocities at both ends. With loads that are solved once they have the velocity of an image with
+    the impulse in the frame of the last normal, the work of the box has it with the impulse itself.
     """
     run, c = block.run, block.rows
     if not run.box.deforms or not len(c):
@@ -361,7 +369,11 @@ def _sheared(block: Block) -> F64:
     assert image is not None
     apart = of_box[c.k, c.a] - np.where((c.b < run.balls)[:, None], of_box[c.k, ball], 0.0)
     apart = apart - carried.image_change(block, c.k, image)
-    return np.where(block.single[c.k], 0.5 * dot(c.impulse, apart), 0.0)
+    found = 0.5 * dot(c.impulse, apart)
+    if run.loads_once and run.has_impacts:
+        velocity = run.box.velocity(block.t1[c.k], image, end=True)
+        found = found + dot(c.impulse - loads_once.stated(block)[0], velocity)
+    return np.where(block.single[c.k], found, 0.0)
 
 
 def rises(run: Run, tally: Tally) -> None:
@@ -397,14 +409,14 @@ def rises(run: Run, tally: Tally) -> None:
     round_walls = any(not wall.flat or wall.moves for wall in run.walls)
     if run.bodies > 1 or round_walls:
         bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.whole_mass), 0.0)
-    forces = [np.abs(law(wall.force, s["time"])[0]) for wall in run.free_walls]
-    for force, wall in zip(forces, run.free_walls, strict=True):
+    pressed = [np.abs(law(wall.force, s["time"])[0]) for wall in run.free_walls]
+    for force, wall in zip(pressed, run.free_walls, strict=True):
         way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
         bound = bound + np.where(s["contacts"] > 0, force * way, 0.0)
     if run.method == "moreau":
-        of_walls = (force / wall.mass for force, wall in zip(forces, run.free_walls, strict=True))
+        of_walls = (force / wall.mass for force, wall in zip(pressed, run.free_walls, strict=True))
         pull = np.max([np.full(len(motion), g), *of_walls], axis=0)
-        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(forces)) * h
+        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(pressed)) * h
         bound = bound + 0.5 * h * pull * given
     if run.box.deforms:
         bound = bound + _jolted(run, motion)

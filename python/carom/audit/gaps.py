@@ -198,8 +198,12 @@ def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_islan
     every = np.concatenate([bodies, walls], axis=1)
     own, all_of = np.maximum(bodies[k, a], every[k, run.given(b)]), every.max(axis=1)[k]
     image = block.image(k, a, b)
-    change, speed = norm(carried.image_change(block, k, image)), carried.image_speed(block, k, image)
-    own, all_of = np.maximum(own, change), np.maximum(all_of, np.maximum(change, speed))
+    # Images of all contacts of an island count, as walls do.
+    top, c = np.zeros(block.count), block.rows
+    np.maximum.at(top, c.k, carried.image_speed(block, c.k, block.image(c.k, c.a, c.b)))
+    np.maximum.at(top, k, carried.image_speed(block, k, image))
+    own = np.maximum(own, norm(carried.image_change(block, k, image)))
+    all_of = np.maximum(all_of, 2.0 * top[k])
     largest = block.over(run.steps[contacts])[k]
     by_speed = t["closing_tolerance_speed"] * np.maximum(_fastest(block)[k], all_of)
     return np.asarray(np.maximum(run.load_share(largest) * own, by_speed))
