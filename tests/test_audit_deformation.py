@@ -23,7 +23,12 @@ pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 R = 0.01
 STEADY = {"shear": "4*t", "flow": "x", "gradient": "z"}
 SQUEEZED = {"stretch": ["1 - 0.5*t", "exp(-t)", "1 - 0.5*t"]}
-OSCILLATING = {"shear": "0.1*sin(60*t)", "flow": "y", "gradient": "x", "stretch": [1, "1 + 0.02*sin(80*t)", 1]}
+OSCILLATING = {
+    "shear": "0.1*sin(60*t)",
+    "flow": "y",
+    "gradient": "x",
+    "stretch": [1, "1 + 0.02*sin(80*t)", 1],
+}
 #: With kinks on steps and between them.
 KINKS = {
     "shear": {"table": [[0.0, 0.0], [0.02, 0.1], [0.0403, -0.1], [1.0, -0.1]]},
@@ -36,7 +41,9 @@ KINKS = {
 def gas(deform: dict[str, Any], *, side: int = 3, pitch: float = 2.4, speed: float = 0.5, gravity: float = 0.0,
         **law: float) -> carom.Scene:  # fmt: skip
     """Balls on a lattice that fills a periodic box, with random velocities."""
-    scene = carom.Scene(gravity=(0, 0, -gravity), periodic=(side * pitch * R,) * 3, origin=(0.01, -0.02, 0.03))
+    scene = carom.Scene(
+        gravity=(0, 0, -gravity), periodic=(side * pitch * R,) * 3, origin=(0.01, -0.02, 0.03)
+    )
     scene.contact("ball", "ball", **law)
     scene.deform(**deform)
     rng = np.random.default_rng(side)
@@ -58,7 +65,7 @@ def clumps(deform: dict[str, Any]) -> carom.Scene:
     spheres = [[-0.005, 0, 0, R], [0.006, 0, 0, 0.8 * R]]
     for name, place, sign in (("one", (0.012, 0.011, 0.011), 1.0), ("two", (0.034, 0.033, 0.031), -1.0)):
         scene.clump(name, material="grain", spheres=spheres, density=2500, position=place,
-                    velocity=(1.0 * sign, 0.6, 1.5 * sign), angular_velocity=(5, 60 * sign, 3))  # fmt: skip
+                    velocity=(0.6 * sign, 0.5 * sign, 0.6 * sign), angular_velocity=(5, 40 * sign, 3))  # fmt: skip
     return scene
 
 
@@ -174,14 +181,16 @@ def box(share: float) -> Fault:
 
 
 def impulse_across(share: float, *, moved: bool) -> Fault:
-    """An impulse on an image is larger by a share; `moved`: both balls go with the momentum that it would give from then on."""
+    """An impulse on an image is larger by a share; `moved`: both balls go on with the momentum that it would give."""
 
     def edit(file: h5py.File) -> None:
         frame, row = _across(file)
         a, b = file["contacts/body"][row].astype(int)
         impulse = file["contacts/impulse"][row]
         file["contacts/impulse"][row] = impulse * (1.0 + share)
-        hit = (file["impacts/body"][:] == [a, b]).all(axis=1) & (file["impacts/step"][:] == file["frames/step"][frame])
+        hit = (file["impacts/body"][:] == [a, b]).all(axis=1) & (
+            file["impacts/step"][:] == file["frames/step"][frame]
+        )
         for i in np.flatnonzero(hit):
             file["impacts/impulse"][i] = file["impacts/impulse"][i] * (1.0 + share)
         if moved:
@@ -221,7 +230,7 @@ def without_the_flow(file: h5py.File) -> None:
 
 def without_a_kink(file: h5py.File) -> None:
     """The velocities of one frame lack what a kink in the law has given: those of the frames before it have none."""
-    frame = int(round(0.03 / float(file.attrs["step"])))
+    frame = round(0.03 / float(file.attrs["step"]))
     velocity = file["frames/velocity"][frame]
     x = file["frames/position"][frame, :, 0] - (0.01 + 0.5 * file["frames/box"][0, 0])
     velocity[:, 0] -= 0.01 / 0.03 * x / file["frames/box"][frame, 0] * file["frames/box"][0, 0]

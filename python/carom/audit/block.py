@@ -126,8 +126,8 @@ class Block:
             self.c1[:, number, 7:10] -= self.kink[:, clump.first]
 
     def flow(self, edges: tuple[F64, F64], *, end: bool = False) -> F64:
-        """(B, N, 3) what is as many `edges`, or rates of edges (B,), long as bodies are from the middle of the box at the first
-        frames, or at the second ones, in edges of then: of balls of clumps the clump, and nothing of free walls.
+        """(B, N, 3) what is as many `edges`, or rates of edges (B,), long as bodies are from the middle of the box at the
+        first frames, or at the second ones, in edges of then: of balls of clumps the clump, and nothing of free walls.
         """
         run, box = self.run, self.run.box
         x, rows, time = (self.x1, self.c1, self.t1) if end else (self.x0, self.c0, self.t0)

@@ -39,8 +39,9 @@ def of_block(block: Block) -> Carried:
     first, last = box.rates(block.t0), box.rates(block.t1, end=True)
     edges = box.edges(block.t0), box.edges(block.t1)
     velocity = block.flow((last[0] - first[0], last[1] - first[1]))
-    beyond = [new - old - _column(block.dt, old) * rate for old, new, rate in zip(*edges, first, strict=True)]
-    way = block.flow((beyond[0], beyond[1]))
+    lengths, offset = (edges[1][k] - edges[0][k] for k in (0, 1))
+    dt = np.asarray(block.dt, dtype=np.float64)
+    way = block.flow((lengths - dt[:, None] * first[0], offset - dt * first[1]))
     # Rounding is that of what the changes are differences of.
     fast = norm(block.flow(first)) + norm(block.flow(last))
     away = norm(block.x0) + float(norm(box.middle))
@@ -55,10 +56,6 @@ def of_block(block: Block) -> Carried:
     slack_way = 16.0 * EPS * (long + block.t1[:, None] * fast) + several * block.dt[:, None]
     slack[:, run.balls :] = slack_way[:, run.balls :] = 0.0
     return Carried(velocity, way, slack, slack_way)
-
-
-def _column(values: F64, like: F64) -> F64:
-    return values.reshape(-1, *(1,) * (like.ndim - 1))
 
 
 @once
@@ -106,7 +103,7 @@ def strain(block: Block) -> F64:
 
 @once
 def strained(block: Block) -> F64:
-    """(B,) 1/s, by how much the rate of strain of the box changes in an interval at most, also where its rate is constant."""
+    """(B,) 1/s, by how much the rate of strain of the box changes in an interval at most, also as its edges change."""
     if not block.run.box.deforms:
         return np.zeros(block.count)
     return np.asarray(1.1 * jolted(block) + block.over(strain_rate(block.run)) * strain(block))
@@ -115,7 +112,7 @@ def strained(block: Block) -> F64:
 @once
 def own(block: Block) -> F64:
     """(B, N) a bound on the speed of each body against the mean flow within an interval but for loads and contacts, m/s."""
-    run, box = block.run, block.run.box
+    box = block.run.box
     if not box.deforms:
         return np.maximum(norm(block.v0), norm(block.v1))
     first = norm(block.v0 - block.flow(box.rates(block.t0)))

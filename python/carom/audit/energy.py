@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, carried, cohesion, forces, groups, loads_once, reactions, rigid, turning
+from carom.audit import answers, box_energy, cohesion, groups, reactions, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
@@ -29,7 +29,7 @@ from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
 from carom.result.remarks import RISE_PILE
-from carom.scene.tables.options import loads_once as solved_once
+from carom.scene.tables.options import loads_once
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:
@@ -149,7 +149,7 @@ def _balance(block: Block, tally: Tally) -> None:
     change = motion[1] - motion[0]
     change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
     turned, turned_slack = turning.of_block(block)
-    carry, carry_slack = _carried(block)
+    carry, carry_slack = box_energy.weights(block)
     turned, turned_slack = turned + carry, turned_slack + carry_slack
     change = change - turned
     for load in run.loads:
@@ -158,7 +158,7 @@ def _balance(block: Block, tally: Tally) -> None:
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
     work = c.work.sum(axis=1)
     lift = _lifted(run, c, c.position_impulse)
-    lift = lift + _sheared(block)
+    lift = lift + box_energy.impulses(block)
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
         gained = run.mass * dot(block.v1 - block.v0, run.falls)
@@ -268,7 +268,7 @@ def _once_step(block: Block) -> F64:
     """(B,) s: the step whose loads, solved once, lift what they move by more than sums over several steps tell."""
     run = block.run
     if run.method == "events":
-        handed = solved_once(run.options | {"method": "nsga"}) & (block.total(run.steps["stepped"]) > 0.0)
+        handed = loads_once(run.options | {"method": "nsga"}) & (block.total(run.steps["stepped"]) > 0.0)
         return np.where(handed, float(run.options["pressing_step"]), 0.0)
     return np.where(run.loads_once & ~block.single, run.h, 0.0)
 
@@ -321,59 +321,7 @@ def _walls(block: Block) -> F64:
             ends.append((shape, material, spin))
         change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
         found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
-    # Of images and the flow together it is the change of what bodies at a distance of their radii have (`_sheared`).
-    flow = np.where(block.single, 0.0, carried.strained(block))
-    lengths = run.radius[c.a] + run.reach[np.minimum(c.b, run.bodies)]
-    found = found + flow[c.k] * lengths * norm(c.impulse)
-    image = block.image(c.k, c.a, c.b)
-    if run.loads_once and image is not None:
-        angle = np.where(block.single[c.k], norm(c.normal - block.start[1]), forces.turn(block))
-        known = block.single & run.has_impacts
-        off = angle * norm(c.impulse) * carried.image_speed(block, c.k, image)
-        found = found + np.where(known[c.k], 0.0, off)
-    return np.asarray(found)
-
-
-def _carried(block: Block) -> tuple[F64, F64]:
-    """(B, N) by how much the energy of bodies changes with the rate of a periodic box beyond the work of that on record, and
-    how far that may be off, J: their weight falls by the way that the box carries them, and is carried as it falls.
-    """
-    run, of_box = block.run, carried.of_block(block)
-    found, off = np.zeros((2, block.count, run.bodies))
-    if not run.box.deforms:
-        return found, off
-    mass = run.mass.copy()
-    for clump in run.clumps:
-        mass[clump.balls], mass[clump.first] = 0.0, clump.mass
-    theta = float(run.options["theta"]) - 0.5 if run.method == "moreau" else 0.0
-    # Moreau-Jean's ways, with the mean of both velocities, have half of it already.
-    beyond = of_box.way - (0.5 + theta) * block.dt[:, None, None] * of_box.velocity
-    single = block.single[:, None]
-    found = -mass * dot(beyond, run.falls)
-    slack = of_box.slack_way + block.dt[:, None] * of_box.slack
-    off = mass * norm(np.broadcast_to(run.falls, block.x0.shape)) * slack
-    most = mass * norm(run.falls) * (norm(of_box.way) + block.dt[:, None] * norm(of_box.velocity))
-    return np.where(single, found, 0.0), off + np.where(single, 0.0, most)
-
-
-def _sheared(block: Block) -> F64:
-    """(K,) J that impulses of contacts do with half of what the rate of the box changes by, over the distance of the bodies:
-    works on record have its velocities at both ends. With loads that are solved once they have the velocity of an image with
-    the impulse in the frame of the last normal, the work of the box has it with the impulse itself.
-    """
-    run, c = block.run, block.rows
-    if not run.box.deforms or not len(c):
-        return np.zeros(len(c))
-    ball = np.minimum(c.b, run.bodies - 1)
-    of_box, image = carried.of_block(block).velocity, block.image(c.k, c.a, c.b)
-    assert image is not None
-    apart = of_box[c.k, c.a] - np.where((c.b < run.balls)[:, None], of_box[c.k, ball], 0.0)
-    apart = apart - carried.image_change(block, c.k, image)
-    found = 0.5 * dot(c.impulse, apart)
-    if run.loads_once and run.has_impacts:
-        velocity = run.box.velocity(block.t1[c.k], image, end=True)
-        found = found + dot(c.impulse - loads_once.stated(block)[0], velocity)
-    return np.where(block.single[c.k], found, 0.0)
+    return np.asarray(found + box_energy.unsure(block))
 
 
 def rises(run: Run, tally: Tally) -> None:
@@ -419,7 +367,7 @@ def rises(run: Run, tally: Tally) -> None:
         given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(pressed)) * h
         bound = bound + 0.5 * h * pull * given
     if run.box.deforms:
-        bound = bound + _jolted(run, motion)
+        bound = bound + box_energy.jolted(run, motion)
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
@@ -428,21 +376,6 @@ def rises(run: Run, tally: Tally) -> None:
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
     tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
-
-
-def _jolted(run: Run, motion: F64) -> F64:
-    """(S,) by how much the energy may rise beyond the work on record where the rate of a box changes in a step, for kinetic
-    energies `motion` (S,), J: weights fall by what the box carries them (`_carried`), and impulses act at a distance of two
-    radii at most (`_sheared`): impulses of loads and motion, four times the momenta in jams.
-    """
-    far = 0.0
-    size = max(1, 1_000_000 // run.bodies)
-    for first in range(0, run.frames, size):
-        x = np.nan_to_num(run.state(slice(first, first + size))[0][:, : run.balls])
-        far = max(far, float((run.mass[: run.balls] * norm(x - run.box.middle)).sum(axis=1).max(initial=0.0)))
-    g, jolt = float(norm(run.gravity)), carried.jolts(run)
-    pushed = 4.0 * np.sqrt(2.0 * motion * run.whole_mass) + run.whole_mass * g * run.h
-    return np.asarray(jolt * (run.h * g * far + float(run.radius.max()) * pushed))
 
 
 @once

@@ -203,7 +203,7 @@ def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_islan
     np.maximum.at(top, c.k, carried.image_speed(block, c.k, block.image(c.k, c.a, c.b)))
     np.maximum.at(top, k, carried.image_speed(block, k, image))
     own = np.maximum(own, norm(carried.image_change(block, k, image)))
-    all_of = np.maximum(all_of, 2.0 * top[k])
+    all_of = np.maximum(all_of, top[k])
     largest = block.over(run.steps[contacts])[k]
     by_speed = t["closing_tolerance_speed"] * np.maximum(_fastest(block)[k], all_of)
     return np.asarray(np.maximum(run.load_share(largest) * own, by_speed))

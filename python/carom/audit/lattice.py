@@ -100,7 +100,7 @@ class Lattice:
         return np.asarray(d - self.along(self.edges(time), self.away(time, d)))
 
     def share(self, edges: tuple[F64, F64], x: F64) -> F64:
-        """(..., 3) how far places (..., 3) are from the middle, in edges of as many times; 0 along axes that do not repeat."""
+        """(..., 3) how far places (..., 3) are from the middle, in edges of as many times; 0 where nothing repeats."""
         lengths, offset = edges
         over, d = np.where(self.repeats, lengths, np.inf), x - self.middle
         found, f, g = d / over, self.flow, self.gradient

@@ -223,7 +223,9 @@ def _kinked(block: Block, load: dict[str, Any]) -> F64:
         force = float(load["translation"]) * rate[:, int(load["body"])]
         return np.stack([force, np.zeros(block.count)], axis=1)
     ends = [(int(load[side]), norm(np.asarray(load[f"arm_{side}"], dtype=np.float64))) for side in "ab"]
-    force = float(load["damping"]) * sum(rate[:, body] for body, _ in ends if body >= 0)
+    force = np.zeros(block.count)
+    for body, _ in ends:
+        force += float(load["damping"]) * (rate[:, body] if body >= 0 else 0.0)
     return np.stack([force, force * max(float(arm) for _, arm in ends)], axis=1)
 
 

@@ -1,6 +1,4 @@
-"""Relative velocities at contacts (eqs. 34, 41), the motion of walls and images taken off (`docs/theory/algorithm.md`, sections
-10 and 16).
-"""
+"""Relative velocities at contacts (eqs. 34, 41), without the motion of walls and images (algorithm, sections 10 and 16)."""
 
 from __future__ import annotations
 
