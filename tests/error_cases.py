@@ -388,6 +388,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("inflow", SHEARED + "\n\n" + INFLOW + FAR),
         ("outlet", SHEARED + "\n\n[[outlet]]\nlow = [9,9,9]\nhigh = [10,10,10]\n"),
     ],
+    "balls that are joined do not go along with a periodic box that deforms": [
+        ("joint", SHEARED + "\n\n" + ROD),
+    ],
     "shortens the period along ... to ... m at t = ... s, below ... radii of the largest ball": [
         ("world.deformation", STRETCHED.replace("{0}", "{ table = [[0.0, 1.0], [0.5, 0.01]] }"))
     ],

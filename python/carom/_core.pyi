@@ -172,9 +172,11 @@ class Simulation:
     mass, "orientation": quaternion of the principal axes, "velocity", "angular_velocity"}`: rigid bodies of successive
     balls. Frames have `clumps (F, clumps, 13)`: position, orientation, velocity, angular velocity.
 
-    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. `deformation`: `{"stretch": (law or None,)
-    * 3, "shear": law or None, "flow": axis, "gradient": axis}`, its lengths over those given and its shear strain over time;
-    frames then have `box (F, 4)`, lengths and the displacement of the image one up along the gradient, m.
+    A periodic box: `periodic (3,)`, its lengths or 0, and `periodic_origin (3,)`. Where it deforms, `deformation`:
+    `{"stretch": (law, law, law), "shear": law, "flow": int, "gradient": int}`, laws of the time or `None` where nothing
+    changes: factors on the lengths, and the strain by which the image one up along `gradient` is displaced along `flow`.
+    Velocities given are against the mean flow. Frames have `box (F, 4)`: lengths along x, y, z, or 0, and the offset of
+    that image, m.
 
     `inflow`: list of `{"bodies": (first, count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate":
     1/s or 0, "start": s, "velocity": (3,), "spread": m/s per component, "seed": int}`, whose balls are absent until they

@@ -9,7 +9,7 @@ use crate::state::State;
 use crate::wall::places::{displacement, proximity, Walls};
 use carom_geom::{same_contact, sphere_plane, tangent_frame};
 use carom_solve::{team, Bounds};
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
 /// In scenes of many contacts: gap over r_c (1) up to which pairs join where others have come to overlap. Too small: more rounds, each with a solve
 /// of the pile.
@@ -257,6 +257,7 @@ fn begin(
     let (ra, x) = (model.radius[i], state.position[i]);
     let once = model.options.loads_once();
     c.forget(once);
+    c.image = IVec3::ZERO;
     c.jointed = once && (model.is_jointed(i) || model.is_jointed(j));
     (c.a, c.b, c.law, c.bounds) = (a, b, near.law, law.bounds);
     (c.gap_check, c.gap) = (near.gap, near.gap);

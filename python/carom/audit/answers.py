@@ -241,7 +241,7 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
     for _ in range(6):
         mean = run.h * ((1.0 - theta) * old + theta * smooth)
         x, q = ends[0][0].copy(), ends[0][1].copy()
-        x[:, bodies] += mean[..., :3]
+        x[:, bodies] += mean[..., :3] + given.shift[active][:, bodies, :3]
         q[:, bodies] = product(exponential(mean[..., 3:]), q[:, bodies])
         found = _at(run, bodies, (x, q))
         # Springs are taken there too, not at the places of the frame.

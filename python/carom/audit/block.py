@@ -95,6 +95,11 @@ class Block:
         self.c0, self.c1 = of_clumps[:-1], of_clumps[1:]
         """(B, C, 13) the motion of clumps."""
         self.t0, self.t1 = run.time[rows][:-1], run.time[rows][1:]
+        self.kink = np.zeros_like(self.v1)
+        """(B, N, 3) what kinks in the law of a periodic box gave bodies after the last step of each interval, m/s. Neither
+        `v1` nor `c1` has it: they are what the step left.
+        """
+        self._leave_out_kinks()
         self.s0, self.s1 = run.step[rows][:-1], run.step[rows][1:]
         self.n = self.s1 - self.s0
         """Steps of each interval."""
@@ -109,6 +114,37 @@ class Block:
         """(B,) intervals of one whole step: there all laws can be judged exactly."""
         self.updates = self.n + self.total(run.steps["substeps"] + run.steps["halvings"])
         """(B,) how often the state was written."""
+
+    def _leave_out_kinks(self) -> None:
+        box = self.run.box
+        if not box.deforms:
+            return
+        last, then = box.rates(self.t1, end=True), box.rates(self.t1)
+        self.kink = self.flow((then[0] - last[0], then[1] - last[1]), end=True)
+        self.v1, self.c1 = self.v1 - self.kink, self.c1.copy()
+        for number, clump in enumerate(self.run.clumps):
+            self.c1[:, number, 7:10] -= self.kink[:, clump.first]
+
+    def flow(self, edges: tuple[F64, F64], *, end: bool = False) -> F64:
+        """(B, N, 3) what is as many `edges`, or rates of edges (B,), long as bodies are from the middle of the box at the
+        first frames, or at the second ones, in edges of then: of balls of clumps the clump, and nothing of free walls.
+        """
+        run, box = self.run, self.run.box
+        x, rows, time = (self.x1, self.c1, self.t1) if end else (self.x0, self.c0, self.t0)
+        x = x.copy()
+        for number, clump in enumerate(run.clumps):
+            x[:, clump.balls] = rows[:, number, None, :3]
+        x[:, run.balls :] = box.middle
+        of, (lengths, offset) = box.edges(time), edges
+        share = box.share((of[0][:, None], of[1][:, None]), x)
+        return box.along((lengths[:, None], offset[:, None]), share)
+
+    def image(self, k: I64, a: I64, b: I64, *, end: bool = False) -> F64 | None:
+        """(K, 3) which images of bodies `b` are nearest to the bodies `a` in the intervals `k`, at their first frames, or at
+        the second ones (`Run.image`).
+        """
+        x, time = (self.x1, self.t1) if end else (self.x0, self.t0)
+        return self.run.image(time[k], b, x[k, a], x[k, np.minimum(b, self.run.bodies - 1)])
 
     def _leave_out_events(self) -> None:
         events = self.run.result.events

@@ -22,9 +22,10 @@ def centres(block: Block) -> F64:
     theta, dt = float(run.options["theta"]), block.dt[:, None, None]
     if run.has_contacts:
         smooth = before_contacts(block)[..., :3]
-        return np.asarray(block.x0 + dt * ((1.0 - theta) * block.v0 + theta * smooth))
+        mean = (1.0 - theta) * block.v0 + theta * smooth
+        return np.asarray(block.x0 + dt * mean + of_loads(block).shift[..., :3])
     gained = of_loads(block).impulse[..., :3] / run.mass[:, None] + dt * run.falls
-    return np.asarray(block.x0 + dt * (block.v0 + theta * gained))
+    return np.asarray(block.x0 + dt * (block.v0 + theta * gained) + of_loads(block).shift[..., :3])
 
 
 def at_walls(block: Block, k: I64, a: I64, b: I64, normal: F64) -> F64:

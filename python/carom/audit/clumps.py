@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.audit import flights, forces, groups, hits, rigid
+from carom.audit import carried, flights, forces, groups, hits, rigid
 from carom.audit.block import Block, Rows, once
 from carom.audit.loads import solved_again
 from carom.audit.motion import CONTACTS, RECORD, largest, rounding
@@ -49,7 +49,7 @@ def _as_one(block: Block, tally: Tally) -> None:
     run = block.run
     x, q, v, w = rigid.placed(run, block.x1, block.q1, block.c1)
     reach = np.array([clump.reach for clump in run.clumps])[run.clump_of[run.in_clump]]
-    fast = forces.speeds(block)[:, run.in_clump]
+    fast = forces.absolute(block)[:, run.in_clump]
     spin = forces.pushes(block)[1] / run.inertia + np.maximum(norm(block.w0), norm(block.w1))
     spin = spin[:, run.in_clump]
     mine = np.flatnonzero(run.in_clump)
@@ -128,9 +128,12 @@ class _Clump:
     def _momentum(self) -> tuple[F64, F64]:
         block, m = self.block, self.clump.mass
         old, new, weight = self.old[:, 7:10], self.new[:, 7:10], m * block.run.gravity * block.dt[:, None]
+        first, of_box = self.clump.first, carried.of_block(block)
+        weight = weight + m * of_box.velocity[:, first]
         value = norm(m * (new - old) - weight - self._of_balls(self.sums.impulse))
         size = m * (norm(old) + norm(new)) + norm(weight) + self._of_balls(self.sums.size)
-        return value, self.rounding * (size + largest(block)[:, 0])
+        bound = self.rounding * (size + largest(block)[:, 0])
+        return value, bound + m * of_box.slack[:, first]
 
     def _moment(self, given: F64, own: F64) -> F64:
         """(B, 3) moment about the centre of impulses (B, N, 3) on balls, and of moments (B, N, 3) about theirs."""
@@ -190,7 +193,8 @@ class _Clump:
         left = (block.left(norm(block.rows.position_impulse)) + block.floor) / m
         struck = forces.strokes(block)[0][:, self.clump.first]
         reach = np.where(block.single, 0.0, 2.0 * (struck * block.dt + moved) / m)
-        return value, self.rounding * size + np.where(self.touched, left + reach, 0.0)
+        bound = self.rounding * size + carried.of_block(block).slack_way[:, self.clump.first]
+        return value, bound + np.where(self.touched, left + reach, 0.0)
 
     def _rotation(self) -> tuple[F64, F64]:
         block, s, clump = self.block, self.sums, self.clump

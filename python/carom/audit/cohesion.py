@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64
+from carom.audit import carried
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.rates import Pairs, compliance, rates
@@ -53,7 +54,7 @@ def within(run: Run, time: F64, x: F64) -> Cohesive:
         for w in range(len(run.free_walls)):
             found.append((np.full(len(here), k), here, np.full(len(here), run.balls + w)))
         if len(here) > 1:
-            first, second = neighbours(x[k, here], run.radius[here] + 0.6 * far, run.period)
+            first, second = neighbours(x[k, here], run.radius[here] + 0.6 * far, run.box.packed(time[k]))
             low, high = (f(here[first], here[second]) for f in (np.minimum, np.maximum))
             found.append((np.full(len(low), k), low, high))
         for w, wall in enumerate(run.walls[: run.given_walls]):
@@ -91,6 +92,7 @@ def potential(run: Run, time: F64, x: F64) -> tuple[F64, F64]:
         return np.zeros(len(time)), np.zeros(len(time))
     pairs = within(run, time, x)
     extent = np.abs(x[pairs.k, pairs.a]).max(axis=1) + run.radius[pairs.a]
+    extent = extent + run.box.rounding(time[pairs.k])
     rounding = pairs.force * (16.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[pairs.a])
     of = [np.bincount(pairs.k, each, minlength=len(time)) for each in (-rupture(pairs), rounding)]
     return np.asarray(of[0]), np.asarray(of[1])
@@ -104,7 +106,8 @@ def pulls(block: Block) -> Pulls:
     pairs = Cohesive(*(column[block.single[pairs.k]] for column in pairs))
     k, a, b = pairs.k, pairs.a, np.minimum(pairs.b, run.bodies - 1)
     motion = (block.v0[k, a], block.w0[k, a], block.v0[k, b], block.w0[k, b])
-    at = Pairs(a, pairs.b, block.t0[k], block.x0[k, a], pairs.normal, end=False)
+    image = block.image(k, a, pairs.b)
+    at = Pairs(a, pairs.b, block.t0[k], block.x0[k, a], pairs.normal, end=False, image=image)
     opening = rates(run, at, motion, pairs.normal, pairs.normal).normal
     free, per_force = h * opening, 0.5 * h * h * compliance(run, a, pairs.b)[0]
     now, work = attraction(pairs, pairs.gap), rupture(pairs)
@@ -119,7 +122,8 @@ def pulls(block: Block) -> Pulls:
     force = 0.5 * (now + attraction(pairs, pairs.gap + way))
     force = np.where(leaves, work / np.where(leaves, torn, 1.0), force)
     along, turned = _along(block, pairs)
-    extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a]
+    extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a] + run.box.rounding(block.t0[k])
+    extent = extent + h * carried.image_speed(block, k, image)
     unsure = 64.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[a]
     slack = h * pairs.force * (unsure / pairs.reach + turned + 64.0 * EPS * (1.0 + extent / run.radius[a]))
     return Pulls(pairs, along, -(h * force)[:, None] * along, slack)
@@ -132,7 +136,7 @@ def _along(block: Block, pairs: Cohesive) -> tuple[F64, F64]:
     if run.method == "moreau":
         x = block.x0 + 0.5 * h * block.v0
         return run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])[1], np.zeros(len(k))
-    x = block.x0 + h * block.v0 + 0.5 * h * h * run.falls
+    x = block.x0 + h * block.v0 + 0.5 * h * h * run.falls + carried.of_block(block).way
     last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])[1]
     one = run.jointed[a] | (run.jointed[b] & (pairs.b < run.bodies))
     middle = np.where(one[:, None] | (not run.loads_once), last, unit(pairs.normal + last))

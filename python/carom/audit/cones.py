@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import flights, forces, groups, loads_once, works
+from carom.audit import carried, flights, forces, groups, loads_once, works
 from carom.audit.block import Block, once
 from carom.audit.bounds import floor, gain
 from carom.audit.centres import at_walls, wall_slack
@@ -98,7 +98,8 @@ def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rat
     ball = np.minimum(c.b, run.bodies - 1)
     motion = (v[c.k, c.a], w[c.k, c.a], v[c.k, ball], w[c.k, ball])
     centre = block.x0[c.k, c.a] if start else at_walls(block, c.k, c.a, c.b, normal)
-    return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start), motion, normal, lever)
+    image = block.image(c.k, c.a, c.b, end=not start)
+    return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start, image), motion, normal, lever)
 
 
 def _place(block: Block, rows: I64 | None = None) -> Callable[[int], Place]:
@@ -223,9 +224,10 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         return
     left = block.left(size)[c.k] + 16.0 * EPS * size
     left = left + turned_loads(block, c.k, loads_once.firsts(block), c.normal)
-    fastest = (np.nan_to_num(forces.speeds(block))).max(axis=1, initial=0.0)
+    fastest = (np.nan_to_num(forces.absolute(block))).max(axis=1, initial=0.0)
     left = left + np.where(block.large, floor(block, fastest), 0.0)[c.k]
     defects, bounds = [], []
+    of_images = carried.image_speed(block, c.k, block.image(c.k, c.a, c.b))
     # Loads are not solved again where their normals turned by next to nothing since.
     speeds = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
         norm(block.w0), norm(block.w1)
@@ -237,6 +239,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         push = np.maximum(part.normal, 0.0)
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
+        scale = scale + of_images
         noise = 64.0 * EPS * scale + wall_slack(block, c.k, c.a, c.b) + kept
         own = compliance(run, c.a, c.b)
         still = 2.0 * own[1] * left + noise

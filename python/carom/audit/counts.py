@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array
-from carom.audit import flights, groups
+from carom.audit import carried, flights, groups
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.hits import components
@@ -52,7 +52,8 @@ def judge(run: Run, tally: Tally) -> None:
 def _works(run: Run) -> bool:
     """Whether anything but weight and contacts can do work."""
     held = (row[4][0] == "constant" for joint in run.joints for row in joint["rows"])
-    return bool(run.loads) or not all(held) or any(wall.moves for wall in run.walls)
+    driven = run.box.deforms or any(wall.moves for wall in run.walls)
+    return bool(run.loads) or not all(held) or driven
 
 
 def _impacts(run: Run, tally: Tally) -> None:
@@ -129,7 +130,8 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     judged = block.single & block.kept & block.there.all(axis=1)
     length = np.minimum(run.radius[near.a], run.length[np.minimum(near.b, n)])
     touching = run.held_to("touching_tolerance")
-    noise = 16.0 * EPS * (np.abs(block.x1[near.k, near.a]).max(axis=1) + run.radius[near.a])
+    noise = np.abs(block.x1[near.k, near.a]).max(axis=1) + run.radius[near.a]
+    noise = 16.0 * EPS * (noise + run.box.rounding(block.t1[near.k]))
     lawful = run.law_index(near.a, near.b) >= 0
     many, c = len(run.names), block.rows
     pushed = (c.k * many + c.a) * many + c.b
@@ -161,13 +163,14 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     run, n = block.run, block.run.bodies
     if run.method != "nsga":
         return
-    fall = block.x0 + run.h * block.v0 + 0.5 * run.h**2 * run.falls
+    fall = block.x0 + run.h * block.v0 + 0.5 * run.h**2 * run.falls + carried.of_block(block).way
     if run.clumps:
         fall = np.where(run.in_clump[:, None], flights.of_block(block).x, fall)
     a, b, k, ball = near.a, near.b, near.k, np.minimum(near.b, n - 1)
     gap, _ = run.meet(block.t1[k], a, b, fall[k, a], fall[k, ball])
     length = np.minimum(run.radius[a], run.length[np.minimum(b, n)])
-    noise = 64.0 * EPS * (np.abs(fall[k, a]).max(axis=1) + run.radius[a])
+    noise = np.abs(fall[k, a]).max(axis=1) + run.radius[a] + run.box.rounding(block.t1[k])
+    noise = 64.0 * EPS * noise
     loaded = run.answering.copy()
     loaded[[load["body"] for load in run.loads if load["kind"] == "force"]] = True
     loaded |= run.cohesive
@@ -188,6 +191,7 @@ def _penetration(block: Block, near: Near, tally: Tally) -> None:
     length = np.minimum(run.radius[near.a], other)
     depth = np.where(np.isfinite(near.gap1), np.maximum(0.0, -near.gap1), 0.0)
     extent = np.nanmax(np.abs(block.x1), axis=(1, 2), initial=0.0) + run.radius.max(initial=0.0)
+    extent = extent + run.box.rounding(block.t1)
     # Where a step was made in parts, or the method divides steps, the deepest may have been within it; of balls that
     # come and go the frames do not show all.
     last = run.cut[block.s1 - 1] | run.divides | ~block.there.all(axis=1)

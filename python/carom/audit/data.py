@@ -19,6 +19,7 @@ from carom import _core
 from carom.arrays import F64, I64, Array, Bool
 from carom.audit import guided, rigid
 from carom.audit.formula import law
+from carom.audit.lattice import Lattice
 from carom.audit.meshes import Parts
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
@@ -110,6 +111,8 @@ class Run:
         self.material = np.asarray(self.model["material"]).astype(np.int64)
         self.gravity: F64 = result.gravity
         self.period: F64 | None = result.periodic
+        #: The periodic box over time.
+        self.box = Lattice(self.model, self.period)
         self.names = [*scene.names, *scene.wall_names]
         self.bodies = self.balls + free
         #: Gravity as bodies have it, (3,) or (N, 3), m/s^2.
@@ -359,19 +362,24 @@ class Run:
         )
         return np.asarray(owner[b])
 
-    def between(self, a: F64, b: F64) -> F64:
-        """`a - b` of places (K, 3), to the nearest image in a periodic world."""
+    def between(self, time: F64, a: F64, b: F64) -> F64:
+        """`a - b` of places (K, 3) at the times (K,), to the nearest image in a periodic world."""
         d = a - b
-        if self.period is None:
-            return d
-        length = np.where(self.period > 0, self.period, 1.0)
-        return np.asarray(d - np.where(self.period > 0, self.period, 0.0) * np.rint(d / length))
+        return self.box.nearest(time, d) if self.box.any else d
+
+    def image(self, time: F64, b: I64, x: F64, y: F64) -> F64 | None:
+        """(K, 3) of which image of bodies `b` those at the places `x` are nearest, at the times (K,), where `b` are at `y`:
+        none away of walls. None where images do not move.
+        """
+        if not self.box.deforms:
+            return None
+        return np.where((b < self.balls)[:, None], self.box.away(time, x - y), 0.0)
 
     def meet(self, time: F64, a: I64, b: I64, x: F64, y: F64) -> tuple[F64, F64]:
         """Gap (K,) and normal (K, 3) from B to A at the times (K,): `x` places of A, `y` of B
         (displacements of free walls, unused at others).
         """
-        d = self.between(x, y)
+        d = self.between(time, x, y)
         distance = norm(d)
         other = self.reach[np.minimum(b, self.bodies)]
         gap = distance - self.radius[a] - other

@@ -18,14 +18,13 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, cohesion, groups, reactions, rigid, turning
+from carom.audit import answers, box_energy, cohesion, groups, reactions, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
-from carom.audit.forces import pushes, speeds, together
+from carom.audit.forces import absolute, pushes, speeds, together
 from carom.audit.formula import law
 from carom.audit.loads import of_loads, remembered
-from carom.audit.motion import kinetic
 from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
@@ -36,14 +35,28 @@ from carom.scene.tables.options import loads_once
 def judge(block: Block, near: Near, tally: Tally) -> None:
     """All three, for the intervals of a block."""
     potential = _potential(block, near)
-    motion = kinetic(block)[1]
-    _record(block, tally, motion, potential)
+    _record(block, tally, _motion(block), potential)
     _balance(block, tally)
 
 
 def scale(block: Block) -> F64:
     """(B,) sum of the absolute energies of all bodies at the second frame, J: what roundings are relative to."""
-    return np.asarray(np.nansum(rigid.sizes(block.run, block.x1, block.v1, block.w1, block.c1), axis=1))
+    v, rows = _recorded(block)
+    return np.asarray(np.nansum(rigid.sizes(block.run, block.x1, v, block.w1, rows), axis=1))
+
+
+def _recorded(block: Block) -> tuple[F64, F64]:
+    """Velocities (B, N, 3), and the motion of clumps, at the second frame as they are on record: after a kink."""
+    rows = block.c1.copy()
+    for number, clump in enumerate(block.run.clumps):
+        rows[:, number, 7:10] += block.kink[:, clump.first]
+    return block.v1 + block.kink, rows
+
+
+def _motion(block: Block) -> F64:
+    """(B,) kinetic energy at the second frame, J, of bodies that are there."""
+    v, rows = _recorded(block)
+    return np.asarray(np.nansum(rigid.kinetic(block.run, v, block.w1, rows), axis=1))
 
 
 def _potential(block: Block, near: Near) -> tuple[F64, F64] | None:
@@ -136,6 +149,8 @@ def _balance(block: Block, tally: Tally) -> None:
     change = motion[1] - motion[0]
     change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
     turned, turned_slack = turning.of_block(block)
+    carry, carry_slack = box_energy.weights(block)
+    turned, turned_slack = turned + carry, turned_slack + carry_slack
     change = change - turned
     for load in run.loads:
         if load["kind"] == "spring":
@@ -143,6 +158,7 @@ def _balance(block: Block, tally: Tally) -> None:
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
     work = c.work.sum(axis=1)
     lift = _lifted(run, c, c.position_impulse)
+    lift = lift + box_energy.impulses(block)
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
         gained = run.mass * dot(block.v1 - block.v0, run.falls)
@@ -224,7 +240,7 @@ def _attracted(block: Block) -> tuple[F64, F64]:
     work = np.nansum(0.5 * dot(given, block.v0 + after), axis=1)
     ends = [cohesion.potential(run, *at) for at in ((block.t0, block.x0), (block.t1, block.x1))]
     pairs, along, impulse, _ = cohesion.pulls(block)
-    driven, carried = np.zeros((2, block.count))
+    driven, moved = np.zeros((2, block.count))
     for w, wall in enumerate(run.walls):
         mine = np.flatnonzero(pairs.b == run.bodies + w)
         if not wall.moves or not mine.size:
@@ -234,10 +250,17 @@ def _attracted(block: Block) -> tuple[F64, F64]:
         first, last = block.x0[k, a] - r * pairs.normal[mine], block.x1[k, a] - r * along[mine]
         mean = wall.velocity(block.t0[k], first)[0] + wall.velocity(block.t1[k], last, end=True)[0]
         driven += np.bincount(k, 0.5 * dot(impulse[mine], mean), minlength=block.count)
-        carried += np.bincount(k, norm(impulse[mine]) * norm(mean), minlength=block.count)
+        moved += np.bincount(k, norm(impulse[mine]) * norm(mean), minlength=block.count)
+    image = block.image(pairs.k, pairs.a, pairs.b)
+    if image is not None:
+        box, k = run.box, pairs.k
+        mean = box.velocity(block.t0[k], image) + box.velocity(block.t1[k], image, end=True)
+        driven += np.bincount(k, 0.5 * dot(impulse, mean), minlength=block.count)
+        moved += np.bincount(k, norm(impulse) * norm(mean), minlength=block.count)
+        fast = absolute(block)
     solved = 4.0 * block.tolerance * np.nansum(norm(given) * fast, axis=1)
     unsure = solved + np.nansum(2.0 * slack * fast, axis=1) + ends[0][1] + ends[1][1]
-    unsure = unsure + 64.0 * EPS * (np.nansum(norm(given) * fast, axis=1) + carried)
+    unsure = unsure + 64.0 * EPS * (np.nansum(norm(given) * fast, axis=1) + moved)
     return work + ends[1][0] - ends[0][0] - driven, unsure
 
 
@@ -298,7 +321,7 @@ def _walls(block: Block) -> F64:
             ends.append((shape, material, spin))
         change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
         found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
-    return found
+    return np.asarray(found + box_energy.unsure(block))
 
 
 def rises(run: Run, tally: Tally) -> None:
@@ -335,15 +358,17 @@ def rises(run: Run, tally: Tally) -> None:
     if run.bodies > 1 or round_walls:
         bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.whole_mass), 0.0)
     walls = zip(run.free_walls, run.areas, strict=True)
-    forces = [area[1:] * np.abs(law(wall.force, s["time"])[0]) for wall, area in walls]
-    for force, wall in zip(forces, run.free_walls, strict=True):
+    pressed = [area[1:] * np.abs(law(wall.force, s["time"])[0]) for wall, area in walls]
+    for force, wall in zip(pressed, run.free_walls, strict=True):
         way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
         bound = bound + np.where(s["contacts"] > 0, force * way, 0.0)
     if run.method == "moreau":
-        of_walls = (force / wall.mass for force, wall in zip(forces, run.free_walls, strict=True))
+        of_walls = (force / wall.mass for force, wall in zip(pressed, run.free_walls, strict=True))
         pull = np.max([np.full(len(motion), g), *of_walls], axis=0)
-        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(forces)) * h
+        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(pressed)) * h
         bound = bound + 0.5 * h * pull * given
+    if run.box.deforms:
+        bound = bound + box_energy.jolted(run, motion)
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import rigid
+from carom.audit import carried, rigid
 from carom.audit.block import Block, once
 from carom.audit.vectors import cross, dot, norm, rotated
 
@@ -45,11 +45,14 @@ def of_block(block: Block) -> Flights:
     )
     turned = rigid.free(run.rigid.inertia[many], start[:, 3:7], start[:, 10:], times)
     rows[..., 3:7] = turned.reshape(*rows.shape[:2], 4)
+    of_box = carried.of_block(block)
     for number, clump in enumerate(run.clumps):
         old, new = block.c0[:, number], rows[:, number]
         q, w = old[:, 3:7], old[:, 10:]
         new[:, :3] = old[:, :3] + dt * old[:, 7:10] + 0.5 * dt * dt * run.gravity
         new[:, 7:10] = old[:, 7:10] + dt * run.gravity
+        new[:, :3] += of_box.way[:, clump.first]
+        new[:, 7:10] += of_box.velocity[:, clump.first]
         new[:, 10:] = clump.turning(new[:, 3:7], clump.momentum(q, w))
         fast = np.where((norm(w) > norm(block.c1[:, number, 10:]))[:, None], w, block.c1[:, number, 10:])
         off[:, number] = block.updates * clump.scheme(fast, run.h)
@@ -65,7 +68,8 @@ def speeds_of_turning(block: Block) -> F64:
     run, found = block.run, np.zeros((block.count, block.run.bodies))
     if not run.clumps:
         return found
-    gained = norm(of_block(block).v - block.v0 - block.dt[:, None, None] * run.gravity)
+    smooth = block.v0 + block.dt[:, None, None] * run.gravity + carried.of_block(block).velocity
+    gained = norm(of_block(block).v - smooth)
     for number, clump in enumerate(run.clumps):
         several = np.max([norm(rows[:, number, 10:]) for rows in (block.c0, block.c1)], axis=0)
         ratio = clump.inertia.max() / clump.inertia.min()

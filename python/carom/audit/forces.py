@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import flights, hits, loads_once
+from carom.audit import carried, flights, hits, loads_once
 from carom.audit.block import Block, Rows, once
 from carom.audit.formula import law
 from carom.audit.vectors import add_at, cross, dot, norm
@@ -141,8 +141,8 @@ def _projected(block: Block) -> F64:
 
 @once
 def speeds(block: Block) -> F64:
-    """(B, N) a bound on the speed of each body within an interval, m/s: the larger of both ends, what gravity gives, and all
-    its recorded impulses together.
+    """(B, N) a bound on the speed of each body within an interval, m/s, as `fastest`: the larger of both ends, what gravity
+    gives, and all its recorded impulses together.
     """
     run = block.run
     return np.asarray(fastest(block) + norm(run.gravity) * block.dt[:, None] + pushes(block)[0] / run.mass)
@@ -151,15 +151,37 @@ def speeds(block: Block) -> F64:
 @once
 def fastest(block: Block) -> F64:
     """(B, N) speed of each body at either end of an interval, m/s, the larger one: of balls of clumps that which they may
-    have within, as the clump turns.
+    have within, as the clump turns. In a box that deforms it is that against the mean flow, at its surface: two of them
+    together are no faster than that. Where there are walls, it is no less than the speed itself.
     """
-    found = np.maximum(norm(block.v0), norm(block.v1))
-    for number, clump in enumerate(block.run.clumps):
-        ends = [rows[:, number] for rows in (block.c0, block.c1)]
-        spin = np.max([norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in ends], axis=0)
-        along = np.max([norm(row[:, 7:10]) for row in ends], axis=0)
-        found[:, clump.balls] = along[:, None] + spin[:, None] / clump.inertia.min() * norm(clump.offsets)
+    run = block.run
+    found = ends(block).copy()
+    for number, clump in enumerate(run.clumps):
+        rows = [of[:, number] for of in (block.c0, block.c1)]
+        spin = np.max([norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in rows], axis=0)
+        along = np.max([norm(row[:, 7:10]) for row in rows], axis=0)
+        if run.box.deforms:
+            against = carried.of_clump(block, number)
+            along = np.maximum(along, against) if run.walls or run.free_walls else against
+        lever = norm(clump.offsets)
+        found[:, clump.balls] = along[:, None] + spin[:, None] / clump.inertia.min() * lever
+        found[:, clump.balls] += carried.apart(block)[:, clump.balls]
     return np.asarray(found)
+
+
+@once
+def ends(block: Block) -> F64:
+    """(B, N) speeds of bodies at either end of an interval, m/s, as `fastest` but for clumps."""
+    run, found = block.run, carried.own(block) + carried.apart(block)
+    if run.walls or run.free_walls:
+        found = np.maximum(found, np.maximum(norm(block.v0), norm(block.v1)))
+    return np.asarray(found)
+
+
+@once
+def absolute(block: Block) -> F64:
+    """(B, N) a bound on the speed of each body within an interval, m/s, with the mean flow of a box that deforms."""
+    return np.asarray(speeds(block) + carried.flowing(block))
 
 
 @once

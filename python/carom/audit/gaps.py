@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, cohesion, flights, forces, hits, loads_once
+from carom.audit import answers, carried, cohesion, flights, forces, hits, loads_once
 from carom.audit.block import Block
 from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
@@ -46,6 +46,7 @@ def recorded(block: Block, tally: Tally) -> None:
         # Frames of Moreau-Jean are those of the middle of the step; its gaps are those of the end.
         normal = _middle(block)[1][rows]
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)[rows] + run.radius[c.a[rows]]
+    extent = extent + run.box.rounding(block.t1[c.k[rows]])
 
     def place(i: int) -> Place:
         return block.place(int(c.k[rows[i]]), int(c.a[rows[i]]), int(c.b[rows[i]]))
@@ -96,7 +97,7 @@ def complementarity(block: Block, tally: Tally) -> None:
                 * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at], end=True)[0])
                 * block.dt[c.k[mine]]
             )
-    extent = np.abs(block.x1[c.k, c.a]).max(axis=1)
+    extent = np.abs(block.x1[c.k, c.a]).max(axis=1) + run.box.rounding(block.t1[c.k])
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
     bound = np.maximum(touching, np.where(block.large[c.k], block.pile_overlap[c.k] * length, 0.0))
     # Eq. 44 alone prevents gaps from opening. The bound is its residual of `p gap`, p = 0.5/D_cc.
@@ -151,13 +152,15 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     k, a, b = near.k[rows], near.a[rows], near.b[rows]
     ball, normal = np.minimum(b, run.bodies - 1), near.normal1[rows]
     motion = (block.v1[k, a], block.w1[k, a], block.v1[k, ball], block.w1[k, ball])
-    found = rates(run, Pairs(a, b, block.t1[k], block.x1[k, a], normal, end=True), motion, normal, normal)
-    fastest = _fastest(block)
+    image = block.image(k, a, b, end=True)
+    pairs = Pairs(a, b, block.t1[k], block.x1[k, a], normal, end=True, image=image)
+    found = rates(run, pairs, motion, normal, normal)
+    fastest, of_box = _fastest(block), carried.of_block(block).velocity
     left = block.left(norm(block.rows.impulse))[k] * 2.0 * compliance(run, a, b)[0]
     if (
         not run.has_contacts
     ):  # what the solver may leave of impulses is not known, but of what the bodies lost
-        change = norm(block.v1 - block.v0 - run.falls * block.dt[:, None, None])
+        change = norm(block.v1 - block.v0 - run.falls * block.dt[:, None, None] - of_box)
         left = 8.0 * (block.tolerance * np.sqrt(np.nansum(change**2, axis=1)))[k]
         if run.has_impacts:  # whose impulses may cancel in a jam
             r = hits.of_block(block)
@@ -165,10 +168,11 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             left = np.maximum(left, 16.0 * (block.tolerance * struck)[k] * compliance(run, a, b)[0])
         if run.clumps:  # which a contact far from the centre moves more than its impulse over the mass
             pushed = np.where(run.in_clump, 0.0, run.mass)[:, None] * (
-                block.v1 - block.v0 - run.falls * block.dt[:, None, None]
+                block.v1 - block.v0 - run.falls * block.dt[:, None, None] - of_box
             )
             for number, clump in enumerate(run.clumps):
                 gained = (block.c1 - block.c0)[:, number, 7:10] - run.gravity * block.dt[:, None]
+                gained = gained - of_box[:, clump.first]
                 pushed[:, clump.first] = clump.mass * gained
             given = 8.0 * (block.tolerance * np.sqrt(np.nansum(norm(pushed) ** 2, axis=1)))[k]
             left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
@@ -177,7 +181,8 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             pushed = norm(pushed - of_loads(block).impulse[..., :3])
             given = 8.0 * (block.tolerance * np.sqrt(np.nansum(pushed**2, axis=1)))[k]
             left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
-    bound = closing(block, k, a, b) + left + 64.0 * EPS * fastest[k]
+    bound = closing(block, k, a, b) + left
+    bound = bound + 64.0 * EPS * (fastest[k] + carried.image_speed(block, k, image))
     tally.measure("approach", np.maximum(0.0, -found.normal), bound,
                   lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip
 
@@ -192,6 +197,13 @@ def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_islan
     bodies, walls = _load(block), _walls(block)
     every = np.concatenate([bodies, walls], axis=1)
     own, all_of = np.maximum(bodies[k, a], every[k, run.given(b)]), every.max(axis=1)[k]
+    image = block.image(k, a, b)
+    # Images of all contacts of an island count, as walls do.
+    top, c = np.zeros(block.count), block.rows
+    np.maximum.at(top, c.k, carried.image_speed(block, c.k, block.image(c.k, c.a, c.b)))
+    np.maximum.at(top, k, carried.image_speed(block, k, image))
+    own = np.maximum(own, norm(carried.image_change(block, k, image)))
+    all_of = np.maximum(all_of, top[k])
     largest = block.over(run.steps[contacts])[k]
     by_speed = t["closing_tolerance_speed"] * np.maximum(_fastest(block)[k], all_of)
     return np.asarray(np.maximum(run.load_share(largest) * own, by_speed))
@@ -213,11 +225,12 @@ def _load(block: Block) -> F64:
     """(B, N) speed that weight and other loads give each body in a step, m/s."""
     run = block.run
     weight = np.full((block.count, run.bodies), float(norm(run.gravity)) * run.h)
-    weight += flights.speeds_of_turning(block)
+    weight += flights.speeds_of_turning(block) + norm(carried.of_block(block).velocity)
     if not run.loads and not run.joints:
         return weight
     given = of_loads(block)
-    pushed = norm(given.impulse[..., :3]) + given.slack[..., 0]
+    of_box = run.mass[:, None] * carried.of_block(block).velocity
+    pushed = norm(given.impulse[..., :3] - of_box) + given.slack[..., 0]
     walls = slice(run.balls, None)  # whose forces may cancel over several steps
     pushed[:, walls] = np.maximum(pushed[:, walls], given.spread[:, walls, 0])
     pushed = pushed / run.mass / np.maximum(block.n, 1)[:, None]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import I64, Bool
-from carom.audit import hits
+from carom.audit import carried, hits
 from carom.audit.block import Block, Rows, once
 from carom.audit.data import Run
 from carom.audit.hits import components
@@ -41,13 +41,20 @@ def labels(block: Block) -> I64:
         k.append(table.k[joined])
         a.append(table.a[joined])
         b.append(np.minimum(table.b[joined], n))
+        images = block.image(table.k, table.a, table.b, end=True)
+        if images is not None:  # which work from outside
+            driven = images.any(axis=1)
+            k.append(table.k[driven])
+            a.append(table.a[driven])
+            b.append(np.full(int(driven.sum()), n))
     every = np.arange(block.count)
     for one, other in pairs:
         if one >= 0 and other >= 0 and one != other:
             k.append(every)
             a.append(np.full(block.count, one))
             b.append(np.full(block.count, other))
-    given, bodies = np.nonzero(outer[:n] | ~block.there)
+    changes = carried.jolted(block) > 0.0  # of the rate of a box: all bodies have a part in it
+    given, bodies = np.nonzero(outer[:n] | ~block.there | changes[:, None])
     k.append(given)
     a.append(bodies)
     b.append(np.full(len(given), n))

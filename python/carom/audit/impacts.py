@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, bounds, flights, forces, groups, hits, loads_once, replay
+from carom.audit import answers, bounds, carried, flights, forces, groups, hits, loads_once, replay
 from carom.audit.block import Block
 from carom.audit.centres import at_walls, wall_slack
 from carom.audit.cones import struck
@@ -83,6 +83,7 @@ def _unit(block: Block, tally: Tally, r: Hits) -> None:
         other = np.minimum(one.b, run.bodies - 1)
         _, normal = run.meet(block.t1[one.k], one.a, one.b, block.x1[one.k, one.a], block.x1[one.k, other])
         extent = np.abs(block.x1[one.k, one.a]).max(axis=1) + run.radius[one.a]
+        extent = extent + run.box.rounding(block.t1[one.k])
         bound = 16.0 * EPS * (1.0 + extent / run.radius[one.a])
         tally.measure("normal", norm(one.normal - normal), bound, hits.place(block, one))
 
@@ -103,7 +104,8 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     else:
         centre = at_walls(block, r.k, r.a, r.b, normal)
     motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])
-    return rates(run, Pairs(r.a, r.b, t[r.k], centre, foot, not start), motion, normal, normal)
+    image = block.image(r.k, r.a, r.b, end=not start)
+    return rates(run, Pairs(r.a, r.b, t[r.k], centre, foot, not start, image), motion, normal, normal)
 
 
 def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
@@ -122,6 +124,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     scale = (norm(block.v1) + run.radius * norm(block.w1) + norm(run.gravity) * run.h)[final.k, final.a]
     ball = np.minimum(final.b, run.bodies - 1)
     scale = scale + norm(block.v1)[final.k, ball] + own * norm(final.impulse)
+    scale = scale + carried.image_speed(block, final.k, block.image(final.k, final.a, final.b))
     # Speeds are recorded as the solver left them, velocities follow from its impulses.
     squares = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
     left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
@@ -158,7 +161,8 @@ def _missing(block: Block, tally: Tally) -> None:
     speed = np.nan_to_num(norm(block.v0) + run.radius * norm(block.w0)).max(axis=1, initial=0.0)
     # Where loads are solved once the islands of these tell who approaches: they may be larger than those of closed contacts.
     islands = "candidates" if run.loads_once else "largest_island"
-    bound = closing(block, k, a, b, islands) + 64.0 * EPS * speed[k]
+    top = speed[k] + carried.image_speed(block, k, block.image(k, a, b))
+    bound = closing(block, k, a, b, islands) + 64.0 * EPS * top
     tally.measure(
         "impact", np.maximum(0.0, -_motion(block, one, start=True).normal), bound, hits.place(block, one)
     )
@@ -171,7 +175,7 @@ def _begun(block: Block, tally: Tally, r: Hits) -> None:
         return
     # From one part of a mesh to the next the weight closes what the loads did not know of.
     still = np.array([not wall.moves and not wall.part for wall in run.walls], dtype=bool)
-    alone = block.single & (block.over(run.steps["largest_island"]) == 1)
+    alone = block.single & (block.over(run.steps["largest_island"]) == 1) & (carried.jolted(block) == 0.0)
     rows = alone[r.k] & (r.problem == 1) & (r.b >= run.bodies) & block.there[r.k, r.a]
     rows[rows] = still[r.b[rows] - run.bodies]
     why = "which speed a clump closes with is known to what its turn adds in a step"
@@ -245,20 +249,24 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
         mine = np.flatnonzero(r.b == run.bodies + w)
         if wall.moves and mine.size:
             load = load + float(_wall_change(block, r.of(mine), wall).max())
+    # Both bodies and images go with the flow: what differs is the flow from the one to the other.
+    load = load + (carried.strained(block) * 2.0 * run.radius.max())[r.k]
     z = r.separation - r.scale * np.where(slow, 0.0, e) * np.maximum(0.0, -r.approach)
     scaled = (r.scale > 0.0) & (r.scale < 1.0)
     push = np.where(scaled, 0.0, dot(r.impulse, r.normal))
     value = bounds.misfit(z, push, compliance(run, r.a, r.b)[0])
     size = norm(r.impulse)
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
-    fastest = np.nan_to_num(forces.speeds(block)).max(axis=1, initial=0.0)
+    fastest = np.nan_to_num(forces.absolute(block)).max(axis=1, initial=0.0)
     least = np.where(block.large, bounds.floor(block, fastest), 0.0)
     left = (8.0 * block.tolerance[r.k] * whole + least[r.k]) * compliance(run, r.a, r.b)[0]
     # An impact takes back what carried the weight above its contact: at most all of it, on the lighter body.
     lightest = np.minimum(run.mass[r.a], np.append(run.mass, np.inf)[np.minimum(r.b, run.bodies)])
     load = load * 2.0 + np.maximum(load * run.whole_mass / lightest, _taken_back(block, r))
     unknown = e * (load + run.options["restitution_threshold"]) + run.rebound(index, -r.approach, load)
-    bound = unknown + left + 64.0 * EPS * (np.abs(r.approach) + np.abs(r.separation)) + _turned(block, r)
+    noise = np.abs(r.approach) + np.abs(r.separation)
+    noise = noise + carried.image_speed(block, r.k, block.image(r.k, r.a, r.b))
+    bound = unknown + left + 64.0 * EPS * noise + _turned(block, r)
     # What loads may have added grows with the weight of all bodies: where it reaches the speeds of the impact, only a value
     # beyond it says anything, and one within it is no proof.
     speed = np.maximum(np.abs(r.approach), np.abs(r.separation))

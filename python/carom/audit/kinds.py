@@ -24,7 +24,7 @@ _KINDS = (
     Kind("clock", "times are steps times h, rows follow one another", "s", "2 roundings of the time"),
     Kind(
         "scenario",
-        "bodies, walls and first frame are those of the scenario",
+        "bodies, walls, periodic box and first frame are those of the scenario",
         "relative",
         "rounding of its decimals",
     ),

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
+from carom.audit import carried
 from carom.audit.block import Block, once
 from carom.audit.cohesion import on_bodies
 from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
-from carom.audit.forces import curvature, of_contacts, pushes, shifts, strokes, together
+from carom.audit.forces import curvature, ends, of_contacts, pushes, shifts, strokes, together
 from carom.audit.formula import law
 from carom.audit.vectors import EPS, cross, dot, norm, rotated, unit
 
@@ -70,6 +71,9 @@ def of_loads(block: Block) -> Loads:
             _cohesion(block, found)
         else:
             _of_motion(block, load, found)
+    of_box = carried.of_block(block)
+    found.impulse[..., :3] += run.mass[:, None] * of_box.velocity
+    found.slack[..., 0] += run.mass * of_box.slack
     if run.joints:
         found.alone, found.alone_slack = found.impulse.copy(), found.slack.copy()
         _joints(block, found)
@@ -79,6 +83,11 @@ def of_loads(block: Block) -> Loads:
         if not run.options["position_projection"]:
             found.shift_slack[:] = found.shift_held[:] = 0.0
     _ways_of_walls(block, found)
+    found.shift[..., :3] += of_box.way
+    found.shift_slack[..., 0] += of_box.slack_way
+    if run.method == "moreau":  # whose whole steps have the way of the new velocity
+        share = np.where(block.single, float(run.options["theta"]) * block.dt, 0.0)
+        found.shift[..., :3] -= share[:, None, None] * of_box.velocity
     return found
 
 
@@ -205,7 +214,7 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
     for body, (start, end) in {b: (first[b], last[b]) for b in first}.items():
         mean = 0.5 * (start + end) * block.dt[:, None]
         out.impulse[:, body] += mean
-        own = _sizes(end - start) + jump[body]
+        own = _sizes(end - start) + jump[body] + _kinked(block, load)
         # What was before a block is not known: the force itself, at its first interval.
         earlier = _echo(block.run, own, _sizes(start[0]) * (block.first > 1))
         slack = 2.0 * (own + earlier) * block.dt[:, None]
@@ -214,6 +223,21 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
         out.shift[:, body] += 0.5 * mean * block.dt[:, None] / np.repeat(scale, 3)
         out.shift_slack[:, body] += slack * block.dt[:, None] / scale
         out.unknown[:, body] |= several
+
+
+def _kinked(block: Block, load: dict[str, Any]) -> F64:
+    """(B, 2) by how much the force and moment of a load change with the velocities, as the law of a periodic box has a kink
+    after the interval: the filter of the scheme still has those before it in the next one.
+    """
+    rate = norm(block.kink)
+    if load["kind"] == "drag":
+        force = float(load["translation"]) * rate[:, int(load["body"])]
+        return np.stack([force, np.zeros(block.count)], axis=1)
+    ends = [(int(load[side]), norm(np.asarray(load[f"arm_{side}"], dtype=np.float64))) for side in "ab"]
+    force = np.zeros(block.count)
+    for body, _ in ends:
+        force += float(load["damping"]) * (rate[:, body] if body >= 0 else 0.0)
+    return np.stack([force, force * max(float(arm) for _, arm in ends)], axis=1)
 
 
 def _sizes(wrench: F64) -> F64:
@@ -417,13 +441,12 @@ def solved_again(block: Block) -> F64:
     if not run.loads_once:
         return np.zeros(block.count)
     dt = block.dt[:, None, None]
-    moved = norm(block.x1 - block.x0 - dt * block.v0 - 0.5 * dt * dt * run.falls)
+    smooth = block.x0 + dt * block.v0 + 0.5 * dt * dt * run.falls + carried.of_block(block).way
+    moved = norm(block.x1 - smooth)
     pulled = norm(on_bodies(block)[0])
     if run.cohesive:  # what it pulls in contacts push out again
         moved = np.maximum(moved, norm(of_contacts(block).shift) / run.mass)
-    fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
-        norm(block.w0), norm(block.w1)
-    )
+    fast = ends(block) + run.radius * np.maximum(norm(block.w0), norm(block.w1))
     way = together(block, moved)
     turned = np.minimum(way * curvature(block), 1.0)
     momenta = run.heavy * (fast + run.h * norm(run.gravity)) + pulled

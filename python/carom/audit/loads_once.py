@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import flights, groups, hits
+from carom.audit import carried, flights, groups, hits
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.formula import law
@@ -198,9 +198,8 @@ def unknown_across(block: Block, shift: F64) -> F64:
     """
     c, run = block.rows, block.run
     first, then = solved_at(block, shift)
-    by_loads = norm(c.impulse) + run.heavy[c.a] * (
-        norm(run.gravity) * run.h + norm(block.v1 - block.v0)[c.k, c.a]
-    )
+    gained = norm(block.v1 - block.v0 - carried.of_block(block).velocity)
+    by_loads = norm(c.impulse) + run.heavy[c.a] * (norm(run.gravity) * run.h + gained[c.k, c.a])
     by_loads = by_loads + _through(block)[c.k]
     size = 0.5 * run.h * by_loads * norm(unit(first + then) - c.normal)
     return np.where(holds_gap(block, shift), 0.0, size)

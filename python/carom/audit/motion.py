@@ -20,7 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, forces, rigid
+from carom.audit import answers, carried, forces, rigid
 from carom.audit.block import Block
 from carom.audit.cohesion import pulls
 from carom.audit.cones import PARTS
@@ -202,14 +202,15 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
     lag = (theta - 0.5) * run.h if moreau else 0.0
     flight = dt * block.v0 + (0.5 * dt * dt + lag * dt) * g + smooth
     # The theta rule holds with impulses too, in whole steps.
-    whole = dt * (theta * block.v1 + (1.0 - theta) * block.v0) if moreau else flight
+    whole = dt * (theta * block.v1 + (1.0 - theta) * block.v0) + smooth if moreau else flight
     single = block.single
     way = np.where(single[:, None, None], whole, flight) + s.shift / run.mass[:, None]
     size = norm(block.x0) + norm(block.x1) + norm(dt * block.v0) + norm(dt * block.v1)
     size = size + np.where(s.count > 0, run.radius, 0.0)  # gaps are differences of lengths
     size = size + s.shift_size / run.mass
     size[:, run.balls :] += norm(smooth[:, run.balls :])  # what starts from rest has no other
-    given = (norm(loads.impulse[..., :3]) + loads.spread[..., 0]) / run.mass * block.dt[:, None]
+    given = norm(loads.impulse[..., :3] - run.mass[:, None] * carried.of_block(block).velocity)
+    given = (given + loads.spread[..., 0]) / run.mass * block.dt[:, None]
     known = single[:, None] | ((np.arange(run.bodies) >= run.balls) & ~block.cut[:, None])
     bound = rounding(block) * size + loads.shift_slack[..., 0] + np.where(known, 0.0, given)
     if run.method == "penalty":  # it has no position level
@@ -312,7 +313,8 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     lever = np.zeros((len(k), 3))
     for w in range(given.shape[1]):
         mine = np.flatnonzero(b == w)
-        lever[mine] = run.between(block.x1[k[mine], a[mine]], _place_of(block, w, k[mine]))
+        x, place = block.x1[k[mine], a[mine]], _place_of(block, w, k[mine])
+        lever[mine] = run.between(block.t1[k[mine]], x, place)
     lever = lever - run.radius[a][:, None] * c.normal[rows]
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
     add_at(summed, (k, b), -cross(lever, c.impulse[rows]) - c.moment[rows])
@@ -343,7 +345,7 @@ def _pulled_moments(block: Block, summed: F64, size: F64) -> None:
         mine = np.flatnonzero(number == w)
         k, a = pairs.k[mine], pairs.a[mine]
         x, place = block.x1[k, a], _place_of(block, w, k)
-        lever = run.between(x, place) - run.radius[a][:, None] * along[mine]
+        lever = run.between(block.t1[k], x, place) - run.radius[a][:, None] * along[mine]
         extent = norm(lever) + norm(x) + run.radius[a]
         at = (k, np.full(len(mine), w))
         add_at(summed, at, -cross(lever, impulse[mine]))
@@ -364,9 +366,13 @@ def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
         for v, rows in ((block.v0, block.c0), (block.v1, block.c1))
     )
     weight = mass.sum() * run.gravity * block.dt[:, None]
+    bodies = np.append(alone, [clump.first for clump in run.clumps]).astype(np.int64)
+    of_box = carried.of_block(block)
+    weight = weight + (mass[:, None] * of_box.velocity[:, bodies]).sum(axis=1)
     value = norm((mass[:, None] * (v1 - v0)).sum(axis=1) - weight + given[..., :3].sum(axis=1))
     size = (mass * (norm(v0) + norm(v1))).sum(axis=1) + norm(given[..., :3]).sum(axis=1)
     bound = EPS * (16.0 + 2.0 * block.updates) * (size + norm(weight)) * np.sqrt(run.bodies)
+    bound = bound + (mass * of_box.slack[:, bodies]).sum(axis=1)
     kept = np.flatnonzero(judged)
     tally.measure("wall impulse", value[kept], bound[kept], lambda i: block.place(int(kept[i])))
 

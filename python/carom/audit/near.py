@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
+from carom.audit import carried
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
 from carom.audit.forces import fastest
@@ -44,7 +45,7 @@ class Near:
 def near(block: Block) -> Near:
     """All pairs of a block that may have touched."""
     run = block.run
-    travelled = norm(block.x1 - block.x0)
+    travelled = carried.ways(block)
     fast = fastest(block) * block.dt[:, None]
     possible = fast + norm(run.gravity) * block.dt[:, None] ** 2
     if run.free_walls:  # light ones are pushed farther by their forces than any ball falls
@@ -71,12 +72,13 @@ def near(block: Block) -> Near:
 
 def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
     run = block.run
-    reach = run.radius * (1.0 + MARGIN) + way
+    # As the box deforms, what is so far apart comes nearer by a share of it at most.
+    reach = (run.radius * (1.0 + MARGIN) + way) * (1.0 + carried.strain(block))[:, None]
     if run.bodies <= ALL_PAIRS:
         a, b = np.triu_indices(run.balls, 1)
-        d = run.between(block.x0[:, a].reshape(-1, 3), block.x0[:, b].reshape(-1, 3)).reshape(
-            block.count, -1, 3
-        )
+        time = np.repeat(block.t0, len(a))
+        d = run.between(time, block.x0[:, a].reshape(-1, 3), block.x0[:, b].reshape(-1, 3))
+        d = d.reshape(block.count, -1, 3)
         with np.errstate(invalid="ignore"):
             close = norm(d) <= reach[:, a] + reach[:, b]
         close &= block.there[:, a] & block.there[:, b]
@@ -85,7 +87,8 @@ def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
     found = []
     for interval in range(block.count):
         here = np.flatnonzero(block.there[interval, : run.balls])
-        first, second = neighbours(block.x0[interval, here], reach[interval, here], run.period)
+        box = run.box.packed(block.t0[interval])
+        first, second = neighbours(block.x0[interval, here], reach[interval, here], box)
         found.append((np.full(len(first), interval), here[first], here[second]))
     return _free(block, way, *(np.concatenate(part) for part in zip(*found, strict=True)))
 
@@ -94,7 +97,8 @@ def _free(block: Block, way: F64, k: I64, a: I64, b: I64) -> tuple[I64, I64, I64
     """The pairs that no joint keeps from meeting, with the ways of both; images of such a pair may meet."""
     run = block.run
     apart = block.x0[k, a] - block.x0[k, b]
-    itself = np.isclose(run.between(block.x0[k, a], block.x0[k, b]), apart, rtol=0.0, atol=1e-9).all(axis=1)
+    nearest = run.between(block.t0[k], block.x0[k, a], block.x0[k, b])
+    itself = np.isclose(nearest, apart, rtol=0.0, atol=1e-9).all(axis=1)
     rows = np.flatnonzero(~(run.held_apart.holds(a, b) & itself))
     k, a, b = k[rows], a[rows], b[rows]
     return k, a, b, way[k, a] + way[k, b]
@@ -155,6 +159,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     r = np.minimum(run.radius[a], other)
     partner = np.where(b < run.bodies, b, a)  # a wall has no place of its own
     extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, partner)))
+    extent = extent + run.box.rounding(block.t1[k])
     rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
     if run.method == "penalty":
         return np.asarray(_compressed(run, a, b, r) + rounding)
@@ -162,7 +167,8 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     if run.method == "moreau" and not run.options["position_projection"]:
         share, slow = float(run.load_share(np.array([np.inf]))[0]), t["closing_tolerance_speed"]
         left = np.maximum(share * norm(run.gravity) * run.h, slow * run.top_speeds.max(initial=0.0))
-        return np.asarray(_way(run, a, b) + block.s1[k] * run.h * left + rounding)
+        of_image = run.h * carried.image_speed(block, k, block.image(k, a, b))
+        return np.asarray(_way(run, a, b) + of_image + block.s1[k] * run.h * left + rounding)
     many = block.piled[k]
     known = block.kept[k] & run.has_contacts
     many |= block.large[k] & ~known

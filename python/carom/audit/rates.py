@@ -1,4 +1,4 @@
-"""Relative velocities at contacts (eqs. 34, 41), walls' own motion taken off (`docs/theory/algorithm.md`, section 10)."""
+"""Relative velocities at contacts (eqs. 34, 41), without the motion of walls and images (algorithm, sections 10 and 16)."""
 
 from __future__ import annotations
 
@@ -33,11 +33,14 @@ class Pairs(NamedTuple):
     """Normals at which A touches B, (K, 3): `centre - r foot` is the place of a wall that counts."""
     end: bool
     """Whether the times are those of the ends of steps."""
+    image: F64 | None
+    """(K, 3) which images of B are met (`Run.image`)."""
 
     def of(self, rows: slice | I64) -> Pairs:
         """Some of them."""
         a, b, time = self.a[rows], self.b[rows], self.time[rows]
-        return Pairs(a, b, time, self.centre[rows], self.foot[rows], self.end)
+        image = None if self.image is None else self.image[rows]
+        return Pairs(a, b, time, self.centre[rows], self.foot[rows], self.end, image)
 
 
 def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, lever: F64) -> Rates:
@@ -50,6 +53,9 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
     v_b, w_b = (np.where(wall[:, None], 0.0, x) for x in (v_b, w_b))
     through, slipping, turning = v_a - v_b, v_a - v_b, w_a - w_b
     slipping = slipping + cross(lever, r_a[:, None] * w_a + r_b[:, None] * w_b)
+    if p.image is not None:
+        by = run.box.velocity(p.time, p.image, end=p.end)
+        through, slipping = through - by, slipping - by
     for w, surface in enumerate(run.walls):
         if not surface.moves:
             continue

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, bounds, compression, flights, forces, loads_once, turning, works
+from carom.audit import answers, bounds, carried, compression, flights, forces, loads_once, turning, works
 from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cones import opposed, turned
@@ -134,7 +134,8 @@ class Replay:
         self.at = r.k * run.bodies + r.a, r.k * run.bodies + ball
         start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, ball])[1]
         # Not of the contacts of the frame: one whose impulse was taken back has none there.
-        first = Pairs(r.a, r.b, block.t0[r.k], block.x0[r.k, r.a], start, end=False)
+        images = block.image(r.k, r.a, r.b), block.image(r.k, r.a, r.b, end=True)
+        first = Pairs(r.a, r.b, block.t0[r.k], block.x0[r.k, r.a], start, end=False, image=images[0])
         motion = (block.v0[r.k, r.a], block.w0[r.k, r.a], block.v0[r.k, ball], block.w0[r.k, ball])
         self.law = run.law_index(r.a, r.b)
         self.mu = run.friction(self.law, norm(rates(run, first, motion, start, start).slip))
@@ -162,12 +163,18 @@ class Replay:
                 at_walls(block, r.k, r.a, r.b, r.normal),
                 r.normal,
                 end=True,
+                image=images[1],
             ),
         )
+        of_images = carried.image_speed(block, r.k, images[1])
+        #: (K,) rows with walls or images that move.
+        self.driven = np.isin(r.b, [run.bodies + w for w, wall in enumerate(run.walls) if wall.moves])
+        self.driven |= of_images > 0.0
         self.compliance = compliance(run, r.a, r.b)
         #: (B,) largest speed that the weight, the turn of a clump, or the force on a free wall gives in a step, m/s.
         self.loads_give = np.full(block.count, float(norm(run.gravity)) * run.h)
         self.loads_give += flights.speeds_of_turning(block).max(axis=1)
+        self.loads_give += carried.strained(block) * 2.0 * run.radius.max()
         if run.free_walls:
             walls = slice(run.balls, None)
             self.loads_give += (of_loads(block).spread[:, walls, 0] / run.mass[walls]).max(axis=1)
@@ -181,6 +188,7 @@ class Replay:
         reach = np.abs(np.nan_to_num(self.now)).reshape(block.count, -1, 6)
         #: (B,) largest speed of a body, at the start or after any problem.
         self.top = (norm(reach[..., :3]) + run.radius * norm(reach[..., 3:])).max(axis=1, initial=0.0)
+        np.maximum.at(self.top, r.k, of_images)
         self.speed = self.top.copy()
         #: (B,) size of all multipliers: reactions of joints are no more than what they answer, in the norm of the masses.
         self.plain = np.sqrt(np.bincount(r.k, self.squares, minlength=block.count))
@@ -487,7 +495,7 @@ class Replay:
         slid = 0.5 * dot(self.slide[rows], before.slip + after.slip)
         work = pushed + slid + 0.5 * dot(r.moment, before.turning + after.turning)
         # A wall moves at most with what the ball has against it and by itself.
-        moving = np.isin(r.b, [run.bodies + w for w, wall in enumerate(run.walls) if wall.moves])
+        moving = self.driven[rows]
         now = self.now[self.at[0][rows], :3]
         driven = run.mass[r.a] * (before.normal**2 + norm(before.slip) ** 2 + dot(now, now))
         each = 0.5 * np.einsum("ij,ij,ij->i", self.inertia[at], self.now[at], self.now[at])

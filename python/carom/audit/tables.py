@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carom.arrays import I64
+from carom.arrays import F64, I64
 from carom.audit.block import Block
 from carom.audit.data import Run
 from carom.audit.references import at
@@ -95,6 +95,7 @@ def _scenario(run: Run, tally: Tally) -> None:
         )
     _walls(run, tally)
     _clumps(run, tally)
+    _box(run, tally)
     world = (("gravity", run.gravity), ("periodic", np.zeros(3) if run.period is None else run.period))
     for name, found in world:
         given = run.model.get(name)
@@ -108,13 +109,21 @@ def _scenario(run: Run, tally: Tally) -> None:
         present = present & False  # what enters at the start has places drawn, and the rest is absent
     for name in ("position", "orientation", "velocity", "angular_velocity"):
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run.result, name)[0])
-        off = norm(found - wanted) / (
-            norm(wanted) + run.radius[: run.balls] * (1.0 if name == "position" else 0.0) + 1e-300
-        )
+        size = norm(wanted) + run.radius[: run.balls] * (1.0 if name == "position" else 0.0)
+        if name == "velocity":  # given against the mean flow
+            places = np.array(run.model["position"])
+            for clump in run.clumps:  # whose flow its balls have
+                places[clump.balls] = clump.start[:3]
+            flow = _flow(run, places)
+            away = norm(places) + float(norm(run.box.middle))
+            rate = float(run.box.strain_rate(np.zeros(1))[0])
+            wanted, size = wanted + flow, size + 4.0 * norm(flow) + rate * away
+        off = norm(found - wanted) / (size + 1e-300)
         chosen = np.flatnonzero(present)
         tally.measure("scenario", off[chosen], 8.0 * EPS, _first(run, chosen))
     if run.clumps:
         given = np.array([clump.start for clump in run.clumps])
+        given[:, 7:10] += _flow(run, given[:, :3])[:, :3]
         lengths = np.array([clump.reach for clump in run.clumps])
         for part, least in (
             (slice(0, 3), lengths),
@@ -130,6 +139,33 @@ def _scenario(run: Run, tally: Tally) -> None:
         given = np.array([[0.0, wall.velocity] for wall in run.free_walls])
         off = np.abs(along - given).max(axis=1) / np.maximum(np.abs(given[:, 1]), 1.0)
         tally.measure("scenario", off, 8.0 * EPS, lambda i: run.frame_place(0, run.balls + i))
+
+
+def _box(run: Run, tally: Tally) -> None:
+    """Its lengths, and the offset of its images, are those of the law at each frame. Bound: rounding of these, and of the
+    time at which they are taken.
+    """
+    box, segments = run.box, run.result._segments
+    names = set(segments.columns("frames"))
+    missing = ("box" in names) != box.deforms
+    tally.measure("scenario", [np.inf if missing else 0.0], 0.0, at("/frames/box"))
+    if not box.deforms or "box" not in names:
+        return
+    for name, axis in (("box_flow", box.flow), ("box_gradient", box.gradient)):
+        _compare(tally, axis, segments.attributes.get(name, -1), f"/ ({name})")
+    found = np.asarray(segments.column("frames", "box"))
+    (lengths, offset), (fast, drift) = box.edges(run.time), box.rates(run.time)
+    wanted = np.column_stack([lengths, offset])
+    size = np.abs(wanted).max(axis=1) + box.first.max()
+    size = size + run.time * np.abs(np.column_stack([fast, drift])).max(axis=1)
+    off = np.abs(found - wanted).max(axis=1) / size
+    tally.measure("scenario", off, 32.0 * EPS, run.frame_place)
+
+
+def _flow(run: Run, x: F64) -> F64:
+    """(K, 3) velocities of the mean flow of the periodic box at the start at places (K, 3), m/s."""
+    start = np.zeros(1)
+    return run.box.along(run.box.rates(start), run.box.share(run.box.edges(start), np.asarray(x)))
 
 
 def _walls(run: Run, tally: Tally) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
+from carom.audit import carried
 from carom.audit.block import Block
 from carom.audit.forces import speeds
 from carom.audit.near import Near
@@ -42,11 +43,17 @@ def _spheres(block: Block, near: Near, tally: Tally, way: F64) -> None:
     run = block.run
     rows = np.flatnonzero(near.b < run.balls)
     k, a, b = near.k[rows], near.a[rows], near.b[rows]
-    start = run.between(block.x0[k, a], block.x0[k, b])
+    start = run.between(block.t0[k], block.x0[k, a], block.x0[k, b])
     # The same image all the way: periods are four radii at least.
     end = start + (block.x1[k, a] - block.x0[k, a]) - (block.x1[k, b] - block.x0[k, b])
+    image = block.image(k, a, b)
+    allowed = way[k, a] + way[k, b]
+    if image is not None:
+        edges = [run.box.edges(time[k]) for time in (block.t0, block.t1)]
+        end = end - run.box.along(edges[1], image) + run.box.along(edges[0], image)
+        allowed = allowed + carried.strain(block)[k] * (norm(start) + norm(end))
     r = np.minimum(run.radius[a], run.radius[b])
-    value, bound = _cut(start, end, run.radius[a] + run.radius[b], r, way[k, a] + way[k, b])
+    value, bound = _cut(start, end, run.radius[a] + run.radius[b], r, allowed)
     tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, flights, forces, groups, loads_once
+from carom.audit import answers, carried, flights, forces, groups, loads_once
 from carom.audit.block import Block, Rows
 from carom.audit.centres import at_walls
 from carom.audit.data import Run
@@ -82,7 +82,8 @@ def judge(block: Block, tally: Tally) -> None:
     ball = np.minimum(b, run.bodies - 1)
     normal, moment = c.normal[rows], c.moment[rows]
     centre = at_walls(block, k, a, b, normal)
-    pairs = Pairs(a, b, block.t1[k], centre, normal, end=True)
+    image = block.image(k, a, b, end=True)
+    pairs = Pairs(a, b, block.t1[k], centre, normal, end=True, image=image)
 
     def motion(of: F64) -> Motion:
         return of[k, a, :3], of[k, a, 3:], of[k, ball, :3], of[k, ball, 3:]
@@ -115,5 +116,6 @@ def bound(block: Block, r: Rows | Hits) -> F64:
     spin = np.maximum(norm(block.w0), norm(block.w1))
     fast = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * spin + norm(run.gravity) * run.h
     at = fast[r.k, r.a] + fast[r.k, other] + own[1] * push
+    at = at + carried.image_speed(block, r.k, block.image(r.k, r.a, r.b))
     left = 2.0 * own[1] * block.left(norm(block.rows.impulse))[r.k]
     return np.asarray(push * (256.0 * EPS * at + left) + 1e-250)

@@ -49,6 +49,10 @@ pub(super) fn check_deformation(input: &ModelInput, options: &Options) -> Result
     if !(input.inflow.is_empty() && input.outlet.is_empty()) {
         return wrong("excludes inflows and outlets");
     }
+    // Each body starts with the flow of its own place: what is joined would come apart.
+    if !input.joints.is_empty() {
+        return wrong("excludes joints");
+    }
     let repeats = |axis: usize| input.periodic.get(axis).is_some_and(|l| *l > 0.0);
     let stretched = (0..3).filter(|&k| given.stretch[k].is_some());
     let sheared = given

@@ -46,6 +46,9 @@ def check_deformation(parts: Parts) -> Iterator[Finding]:
         for i, _ in parts.entries[section]:
             cause = f"an {section} does not act in a periodic box that deforms"
             yield Finding((section, i), cause, "remove it, or remove deformation")
+    for i, _ in parts.entries["joint"]:
+        cause = "balls that are joined do not go along with a periodic box that deforms"
+        yield Finding(("joint", i), cause, "make a [[clump]] of them, or remove deformation")
 
 
 def _of(parts: Parts) -> Deformation | None:
