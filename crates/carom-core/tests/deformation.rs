@@ -4,6 +4,7 @@ mod common;
 
 use carom_core::clump::body::ClumpInput;
 use carom_core::deformation::law::Deformation;
+use carom_core::joint::Joint;
 use carom_core::options::Method;
 use carom_core::report::StepReport;
 use carom_core::{ModelInput, Options, Simulation};
@@ -355,6 +356,33 @@ fn sweeps_and_rows_agree_on_a_dense_flow() {
 }
 
 #[test]
+fn a_floor_along_the_flow_knows_no_images() {
+    // Contacts with the floor and across the border take turns in memory.
+    let mut input = gas(3, 2.2, 0.3, 0.3, 0.5);
+    input.periodic[1] = 0.0;
+    let low = -1.1 * R * 3.0;
+    input.plane_point = vec![[0.0, low, 0.0], [0.0, -low, 0.0]];
+    input.plane_normal = vec![[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]];
+    input.plane_material = vec![1, 1];
+    input.laws.push((0, 1, [0.3, 0.5, 0.0, 0.0, 0.0]));
+    input.deformation = shear(3.0, 0, 2);
+    let mut s = simulation(&input, options(5e-4));
+    assert!(advance(&mut s, 600).is_none());
+    assert!(s.recorder.block.impacts.len() > 100);
+    // What the box gives goes into motion, or contacts take it.
+    let block = &s.recorder.block;
+    let work: f64 = block.steps.iter().map(|r| r.energy_work).sum();
+    let taken: f64 = block.contacts.iter().flat_map(|c| c.work).sum();
+    let change = s.monitors.energy_final - s.monitors.energy_initial;
+    assert!(work > 0.1 * s.monitors.energy_initial && taken < -0.1 * s.monitors.energy_initial);
+    let off = change - work - taken;
+    assert!(
+        off.abs() < 1e-9 * work,
+        "{change:e} {work:e} {taken:e} {off:e}"
+    );
+}
+
+#[test]
 fn what_cannot_deform_is_refused() {
     let refused = |change: &dyn Fn(&mut ModelInput), options: Options| {
         let mut input = gas(2, 8.0, 0.0, 0.0, 1.0);
@@ -383,6 +411,18 @@ fn what_cannot_deform_is_refused() {
             input.deformation = Some(Deformation { stretch, ..sheared });
         },
         "none at t = 0",
+    );
+    refused_as(
+        &|input| {
+            input.joints = vec![Joint {
+                a: 0,
+                b: 1,
+                rows: Vec::new(),
+                translational: 0,
+                length: R,
+            }]
+        },
+        "excludes joints",
     );
     for method in [Method::Penalty, Method::Events] {
         let said = refused(&|_| (), Options { method, ..plain() });
