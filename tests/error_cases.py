@@ -32,6 +32,16 @@ IN_RUN = 'step = 1e-3\nmethod = "{0}"\n\n[world]\n'
 SHEARED = DEFORMED.format('shear = { expression = "t" }, flow = "x", gradient = "y"')
 STRETCHED = DEFORMED.format("stretch = [{0}, 1.0, 1.0]")
 
+STRAINED = (
+    "gravity = [0.0, 0.0, -9.8]\n\n"
+    '[[material]]\nname = "ball"\n\n[[material]]\nname = "cloth"\n\n'
+    '[[contact]]\nbetween = ["ball", "cloth"]\nfriction = 0.2'
+    " -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 5.0, 0.0]\n"
+    'deformation = { shear = { expression = "300*t" }, flow = "x", gradient = "y" }\n\n'
+    '[[material]]\nname = "ball"\n\n[[material]]\nname = "cloth"\n\n'
+    '[[contact]]\nbetween = ["ball", "cloth"]\nfriction = 0.0'
+)
+
 #: cause -> (key that the message names, piece to add); several where several messages share the cause.
 PIECES: dict[str, list[tuple[str, str]]] = {
     "... is above ..., more than any pair of solids has: such contacts stick": [
@@ -384,7 +394,10 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("run.method", f"step = 1e-3\n\n[world]\n{SHEARED}".replace("-> ", f"-> {IN_RUN.format(method)}"))
         for method in ("penalty", "events")
     ],
-    "an ... does not act in a periodic box that deforms": [
+    "friction at a wall, which does not go along with a periodic box that deforms": [
+        ("friction", SHEARED),
+    ],
+    "[[...]] does not go with a periodic box that deforms": [
         ("inflow", SHEARED + "\n\n" + INFLOW + FAR),
         ("outlet", SHEARED + "\n\n[[outlet]]\nlow = [9,9,9]\nhigh = [10,10,10]\n"),
     ],
@@ -427,6 +440,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "a step of ... s moves ... by ... radii: oblique hits lose accuracy and grazing ones may be missed": [
         ("run.step", "[0.5, 0.0, 0.028575] -> [0.5, 0.0, 0.028575]\nvelocity = [10.0, 0.0, 0.0]")
+    ],
+    "a step of ... s strains the periodic box by ...: neighbours pass each other unnoticed": [
+        ("run.step", STRAINED)
     ],
     "until = ... s is not a whole number of steps": [("run.until", "until = 1.0 -> until = 1.0004")],
     "e_N = 1 on plane ... against gravity: each bounce loses energy of the order of the step": [

@@ -10,7 +10,6 @@ import pytest
 from carom import ScenarioError, Scene
 from carom.scene.assembly.arrays import identify
 from carom.scene.tables.deformation import Deformation
-from carom.scene.tables.laws import slope_at
 from carom.scene.toml.schema import json_schema
 from deformed_runs import scene
 
@@ -103,26 +102,6 @@ def test_a_run_of_another_deformation_is_another_run() -> None:
     assert len({*marks, identify(scene().to_model())}) == 4
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        {"expression": "sin(3*t)"},
-        {"polynomial": [0.5, 1.0, -2.0, 0.3]},
-        {"table": [[0.0, 0.0], [0.4, 0.2], [1.0, 2.0]]},
-        0.7,
-    ],
-)
-@pytest.mark.parametrize("time", [0.0, 1e-3, 0.25, 0.4, 0.7])
-def test_slopes_of_laws(law: object, time: float) -> None:
-    exact = {
-        "expression": 3.0 * np.cos(3.0 * time),
-        "polynomial": 1.0 - 4.0 * time + 0.9 * time**2,
-        "table": 0.5 if time < 0.4 else 3.0,
-    }
-    wanted = exact[next(iter(law))] if isinstance(law, dict) else 0.0
-    assert slope_at(law, time, 1e-5) == pytest.approx(wanted, abs=1e-9)  # type: ignore[arg-type]
-
-
 def test_the_velocity_gradient_is_the_rate_of_f_over_f() -> None:
     made = Deformation(
         stretch=[{"expression": "exp(-0.3*t)"}, 1.0, {"expression": "exp(0.2*t)"}],  # type: ignore[arg-type]
@@ -133,10 +112,9 @@ def test_the_velocity_gradient_is_the_rate_of_f_over_f() -> None:
     t, h = 0.8, 1e-5
     f = made.gradient_at(t)
     assert f == pytest.approx(np.array([[np.exp(-0.24), 0, 0.4], [0, 1, 0], [0, 0, np.exp(0.16)]]))
-    rate = (made.gradient_at(t + h) - made.gradient_at(t - h)) / (2 * h)
-    g = made.velocity_gradient(t, 1e-3)
-    assert g @ f == pytest.approx(rate, abs=1e-9)
-    assert g[0, 2] == pytest.approx((0.5 + 0.3 * 0.4) * np.exp(-0.16), rel=1e-9)
+    # That of the step from then on.
+    rate = (made.gradient_at(t + h) - f) / h
+    assert made.velocity_gradient(t, h) @ f == pytest.approx(rate, abs=1e-9)
 
 
 def test_what_python_says_wrong_names_the_call() -> None:
@@ -163,10 +141,12 @@ def test_a_scene_whose_period_is_taken_away_says_so() -> None:
 @pytest.mark.parametrize("wall", ["plane", "tube"])
 def test_walls_that_follow_the_box_are_taken_and_others_are_not(wall: str) -> None:
     def add(made: carom.Scene) -> None:
+        made.contact("m", "smooth", friction=0, restitution=0.5)
+        about = {"material": "smooth"}
         if wall == "plane":
-            made.plane("floor", point=(0, 0, 1.9), normal=(0, 0, 1), material="m")
+            made.plane("floor", point=(0, 0, 1.9), normal=(0, 0, 1), **about)
         else:
-            made.cylinder("tube", point=(0.2, 0.5, 2.6), axis=(1, 0, 0), radius=2, material="m", inside=True)
+            made.cylinder("tube", point=(0.2, 0.5, 2.6), axis=(1, 0, 0), radius=2, inside=True, **about)
 
     repeats = (1, 1, 0) if wall == "plane" else (1, 0, 0)
     for deform in ({"stretch": (0.99, 1, 1)}, {"shear": "t", "flow": "x", "gradient": "y"}):

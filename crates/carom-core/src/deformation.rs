@@ -2,18 +2,17 @@
 //!
 //! Lengths `H(t) = F(t) H(0)` with the deformation gradient `F = diag(stretch) + shear e_flow (x) e_gradient`. The image `n` lengths
 //! away is displaced by `H n` and faster by `dH/dt n`: it drives a contact as a moving wall does. Every body has the mean flow
-//! `v = dF/dt F^-1 x` on top of the velocity that it is given, and gets its part where the rate changes; so nothing but the motion against
-//! the flow depends on where the border is.
+//! `v = dF/dt F^-1 x` on top of the velocity that it is given. The rate is constant in a step, and bodies get their part of its change
+//! between two steps; so nothing but the motion against the flow depends on where the border is.
 
 pub mod course;
 pub mod law;
 
 use self::course::BoxCourse;
-use self::law::{Deformation, Strain};
+use self::law::Strain;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::state::State;
-use crate::stepper::Prediction;
 use glam::{DVec3, IVec3};
 
 /// Bodies that move by themselves: balls and clumps, not the balls of these. Free walls move across what deforms.
@@ -27,7 +26,7 @@ pub(crate) fn join_flow(model: &Model, state: &mut State) {
         return;
     };
     for i in movers(model) {
-        let flow = law.flow_at(&model.periodic, state.position[i], 0.0);
+        let flow = law.flow_at(&model.periodic, state.position[i], 0.0, model.options.step);
         add(model, state, i, flow);
     }
 }
@@ -41,74 +40,33 @@ fn add(model: &Model, state: &mut State, i: usize, dv: DVec3) {
     }
 }
 
-/// Gives the smooth motion of the step what the change of the rate makes of it.
-pub(crate) fn carry(
-    model: &Model,
-    course: &BoxCourse,
-    state: &State,
-    linear: &mut [Prediction],
-    position: &mut [DVec3],
-) {
-    let Some((law, change)) = change(model, course, [0, 1]) else {
-        return;
+/// Work of the box in a step, J: what images do to contacts.
+pub(crate) fn work(model: &Model, course: &BoxCourse, contacts: &[Contact]) -> f64 {
+    let images = contacts.iter().filter(|c| c.image != IVec3::ZERO);
+    let of = |c: &Contact| {
+        let velocity = course.velocity(model, c.image.as_dvec3());
+        c.impulse().0.impulse.dot(velocity)
     };
-    for i in movers(model) {
-        let share = course.start.share(state.position[i]);
-        let of = |rate| law.velocity(&model.periodic, rate, share);
-        linear[i].velocity += of(&change);
-        linear[i].displacement += of(&course.beyond);
-        position[i] = state.position[i] + linear[i].displacement;
-    }
+    images.map(of).sum()
 }
 
-/// The law, and the change of its rate, where it does change.
-fn change<'m>(
-    model: &'m Model,
-    course: &BoxCourse,
-    [from, to]: [usize; 2],
-) -> Option<(&'m Deformation, Strain)> {
-    let law = model.deformation.as_ref()?;
-    let change = course.rates[to].minus(course.rates[from]);
-    (change != Strain::default()).then_some((law, change))
-}
-
-/// Work of the box in a step from the state to `velocity` and `position`, J: by images on contacts, and by the change of its rate.
-pub(crate) fn work(
-    model: &Model,
-    course: &BoxCourse,
-    state: &State,
-    velocity: &[[DVec3; 2]],
-    contacts: &[Contact],
-) -> f64 {
+/// Gives all bodies the change of the mean flow from step `number` to the next one, at the end of that; returns the work of it, J.
+pub(crate) fn turn_flow(model: &Model, state: &mut State, number: u64) -> f64 {
     let mut work = 0.0;
-    if !course.deforms {
+    let Some(law) = &model.deformation else {
+        return work;
+    };
+    let h = model.options.step;
+    let change = law.rate(number, h).minus(law.rate(number - 1, h));
+    if change == Strain::default() {
         return work;
     }
-    for c in contacts.iter().filter(|c| c.image != IVec3::ZERO) {
-        let count = c.image.as_dvec3();
-        let [start, end] = [0, 1].map(|end| course.velocity(model, end, count));
-        work += c.impulse().0.impulse.dot(0.5 * (start + end));
-    }
-    if let Some((law, change)) = change(model, course, [0, 1]) {
-        for i in movers(model) {
-            let share = course.start.share(state.position[i]);
-            let dv = law.velocity(&model.periodic, &change, share);
-            work += 0.5 * model.mass[i] * dv.dot(state.velocity[i] + velocity[i][0]);
-        }
-    }
-    work
-}
-
-/// Gives the new state what a kink in the law makes of it; returns the work of that, J.
-pub(crate) fn pass_kink(model: &Model, course: &BoxCourse, state: &mut State) -> f64 {
-    let mut work = 0.0;
-    if let Some((law, change)) = change(model, course, [1, 2]) {
-        for i in movers(model) {
-            let share = course.end.share(state.position[i]);
-            let dv = law.velocity(&model.periodic, &change, share);
-            work += model.mass[i] * dv.dot(state.velocity[i] + 0.5 * dv);
-            add(model, state, i, dv);
-        }
+    let now = law.periodic(&model.periodic, number as f64 * h, h);
+    for i in movers(model) {
+        let share = now.share(state.position[i]);
+        let dv = law.velocity(&model.periodic, &change, share);
+        work += model.mass[i] * dv.dot(state.velocity[i] + 0.5 * dv);
+        add(model, state, i, dv);
     }
     work
 }

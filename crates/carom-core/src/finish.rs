@@ -62,17 +62,12 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         scratch.attraction = cohesion::potential(model, state, scratch, &scratch.position)?;
         potential += scratch.attraction;
     }
-    report.energy_work += deformation::work(
-        model,
-        &scratch.walls.periodic,
-        state,
-        &scratch.jump,
-        &scratch.contacts,
-    );
+    if scratch.walls.periodic.deforms {
+        report.energy_work += deformation::work(model, &scratch.walls.periodic, &scratch.contacts);
+    }
     for (wall, i) in model.free_walls.iter().zip(model.first_wall()..) {
-        let displaced = &state.position[model.first_wall()..];
         let way = scratch.position[i] - state.position[i];
-        report.energy_work += wall_work(model, wall, displaced, span, way);
+        report.energy_work += wall_work(model, wall, state, span, way);
     }
     write(model, state, scratch);
     if !model.is_free() {
@@ -86,9 +81,7 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
     // Stable, for islands one after the other are few sorted runs.
     state.warm.sort_by_key(|w| w.key);
     state.warm_step = coefficients.h;
-    let of_kink = deformation::pass_kink(model, &scratch.walls.periodic, state);
-    report.energy_work += of_kink;
-    report.energy_kinetic = sums.kinetic + of_kink;
+    report.energy_kinetic = sums.kinetic;
     report.energy_potential = potential;
     type Two = (f64, f64);
     let larger = |a: Two, b: Two| (team::larger(a.0, b.0), team::larger(a.1, b.1));

@@ -131,7 +131,9 @@ impl Model {
     /// Lengths of the periodic box at a time, and how far the image one up along the gradient is off along the flow, m.
     pub fn periodic_at(&self, time: f64) -> [f64; 4] {
         let law = self.deformation.as_ref();
-        let now = law.map_or(self.periodic, |law| law.periodic(&self.periodic, time));
+        let now = law.map_or(self.periodic, |law| {
+            law.periodic(&self.periodic, time, self.options.step)
+        });
         let [x, y, z] = now.length().to_array();
         [x, y, z, now.offset()]
     }

@@ -2,6 +2,7 @@
 
 use crate::cohesion;
 use crate::cures::cures;
+use crate::deformation;
 use crate::flow::exchange::exchange;
 use crate::flow::Exchange;
 use crate::force::total::{motion_of, own_force, weight_potential};
@@ -242,6 +243,9 @@ impl Simulation {
             (self.failed, self.scratch.keeper.failed) = (None, None);
         }
         self.state.step = number;
+        let of_box = deformation::turn_flow(&self.model, &mut self.state, number);
+        report.energy_work += of_box;
+        report.energy_kinetic += of_box;
         let left = std::mem::take(&mut self.scratch.left);
         if !self.model.flow.is_none() {
             let walls = &mut self.scratch.walls;

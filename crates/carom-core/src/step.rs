@@ -9,7 +9,7 @@ use crate::clump;
 use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::finish::finish;
-use crate::force::total::{motion_of, power, wall_force};
+use crate::force::total::{displaced_ahead, motion_of, power, wall_force};
 use crate::force::{evaluated, LoadError};
 use crate::level::{smooth, Demand, Task};
 use crate::loads_once;
@@ -70,9 +70,9 @@ pub(crate) fn predict_and_smooth(on: &mut Step) -> Result<(), Failure> {
     }
     scratch.wall_impulse.fill([DVec3::ZERO; 2]);
     evaluated(scratch.walls.begin(model, span), &mut scratch.load_error)?;
-    let displaced = &on.state.position[model.first_wall()..];
+    let displaced = displaced_ahead(model, on.state, span.h);
     evaluated(
-        check_forces(model, displaced, span),
+        check_forces(model, &displaced, span),
         &mut scratch.load_error,
     )?;
     smooth::solve(on)

@@ -46,7 +46,10 @@ def of_block(block: Block) -> Carried:
     fast = norm(block.flow(first)) + norm(block.flow(last))
     away = norm(block.x0) + float(norm(box.middle))
     rates = box.strain_rate(block.t0) + box.strain_rate(block.t1, end=True) + box.strain_rate(block.t1)
-    fast = fast + rates[:, None] * away
+    # A rate that is no slope is a difference of values over a step.
+    changes = np.broadcast_to(jolts(run).any(), rates.shape) * (norm(edges[1][0]) + np.abs(edges[1][1]))
+    differenced = changes / (run.h * box.first.min(initial=np.inf, where=box.repeats))
+    fast = fast + (rates + differenced)[:, None] * away
     long = norm(block.flow(edges[0])) + norm(block.flow(edges[1])) + norm(block.x0 - box.middle)
     several = jolted(block)[:, None] * own(block) * block.dt[:, None]
     several = np.where(block.single[:, None], 0.0, several)

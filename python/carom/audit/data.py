@@ -155,9 +155,9 @@ class Run:
         if not self.free_walls:
             return
         grid = np.concatenate([[0.0], self.steps["time"]])
-        displaced = np.asarray(self.result._segments.column("frames", "free_walls")[:])[:, :, 0]
+        moved_by = np.asarray(self.result._segments.column("frames", "free_walls")[:])
         for w, wall in enumerate(self.free_walls):
-            series = guided.areas(self.model, wall, grid, self.time, displaced)
+            series = guided.areas(self.model, wall, grid, self.time, moved_by)
             self.areas.append(series[1])
             self.loads += wall.load(self.balls + w, series)
 

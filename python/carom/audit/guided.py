@@ -81,10 +81,11 @@ def of_model(model: Mapping[str, Any]) -> list[FreeWall]:
 
 
 def areas(
-    model: Mapping[str, Any], wall: FreeWall, time: F64, frame_time: F64, displaced: F64
+    model: Mapping[str, Any], wall: FreeWall, time: F64, frame_time: F64, moved_by: F64
 ) -> tuple[F64, F64]:
-    """The area on which the pressure of a wall acts, m^2, at the times of the grid (S + 1,), s: free planes, displaced by
-    (F, walls) m at the times of the frames, are where they were a step before, others where they are.
+    """The area on which the pressure of a wall acts, m^2, at the times of the grid (S + 1,), s: free planes are where they
+    were a step before and would be with their velocity of then, others where they are. `moved_by` (F, walls, 2) are
+    displacements and velocities at the times of the frames.
     """
     product = np.ones(len(time))
     before = np.concatenate([time[:1], time[:-1]])
@@ -93,8 +94,9 @@ def areas(
     def place(plane: int) -> F64:
         """(S + 1, 3)"""
         at = np.tile(np.asarray(model["plane_point"][plane], dtype=np.float64), (len(time), 1))
-        if plane < displaced.shape[1]:
-            way = np.interp(before, frame_time, displaced[:, plane])
+        if plane < moved_by.shape[1]:
+            way, speed = (np.interp(before, frame_time, moved_by[:, plane, k]) for k in (0, 1))
+            way = way + (time - before) * speed
             at += way[:, None] * np.asarray(model["plane_normal"][plane], dtype=np.float64)
         elif plane in moved and moved[plane]["translation"] is not None:
             at += np.stack([law(form, time)[0] for form in moved[plane]["translation"]], axis=1)

@@ -30,6 +30,8 @@ class Lattice:
             np.zeros(3) if origin is None else np.asarray(origin, dtype=np.float64)
         ) + 0.5 * self.first
         self.deforms = bool(given)
+        self.h = float(model["options"]["step"])
+        """Size of a step, s: the rate is constant in each."""
         self._stretch = tuple(given.get("stretch") or (None,) * 3)
         self._shear = given.get("shear")
         self.flow, self.gradient = int(given.get("flow", 0)), int(given.get("gradient", 1))
@@ -40,28 +42,41 @@ class Lattice:
         return bool(self.repeats.any())
 
     def edges(self, time: F64) -> tuple[F64, F64]:
-        """Lengths (K, 3) and the displacement (K,) along the flow of the image one up along the gradient, m."""
+        """Lengths (K, 3) and the displacement (K,) along the flow of the image one up along the gradient, m: of a law
+        at the times of the grid, and straight between them.
+        """
         time = np.asarray(time, dtype=np.float64)
-        lengths = np.tile(self.first, (len(time), 1))
+        start = self._number(time) * self.h
+        lengths, offset = np.tile(self.first, (len(time), 1)), np.zeros(len(time))
         for axis, form in enumerate(self._stretch):
             if form is not None:
-                lengths[:, axis] *= law(form, time)[0]
-        offset = np.zeros(len(time))
+                lengths[:, axis] *= law(form, start)[0] + (time - start) * self._rate(form, time)
         if self._shear is not None:
-            offset = law(self._shear, time)[0] * self.first[self.gradient]
+            strain = law(self._shear, start)[0] + (time - start) * self._rate(self._shear, time)
+            offset = strain * self.first[self.gradient]
         return lengths, offset
 
     def rates(self, time: F64, *, end: bool = False) -> tuple[F64, F64]:
         """How fast both change, m/s, in the step that begins at a time, or the one that ends there."""
         time = np.asarray(time, dtype=np.float64)
-        lengths = np.zeros((len(time), 3))
+        lengths, offset = np.zeros((len(time), 3)), np.zeros(len(time))
         for axis, form in enumerate(self._stretch):
             if form is not None:
-                lengths[:, axis] = self.first[axis] * law(form, time, before=end)[1]
-        offset = np.zeros(len(time))
+                lengths[:, axis] = self.first[axis] * self._rate(form, time, end=end)
         if self._shear is not None:
-            offset = law(self._shear, time, before=end)[1] * self.first[self.gradient]
+            offset = self._rate(self._shear, time, end=end) * self.first[self.gradient]
         return lengths, offset
+
+    def _number(self, time: F64) -> F64:
+        """(K,) the step that begins at a time, or has it."""
+        return np.floor(time / self.h + 1e-6)
+
+    def _rate(self, form: Any, time: F64, *, end: bool = False) -> F64:
+        """(K,) of a law: from one time of the grid to the next. Of a straight one it is the slope, which does not round."""
+        number = np.maximum(self._number(time) - end, 0.0)
+        (first, slope), (last, _) = law(form, number * self.h), law(form, (number + 1.0) * self.h)
+        mean = (last - first) / self.h
+        return np.where(np.abs(mean - slope) <= 1e-9 * (np.abs(slope) + np.abs(last)), slope, mean)
 
     def along(self, edges: tuple[F64, F64], count: F64) -> F64:
         """(..., 3) what is `count` (..., 3) edges long, of edges, or their rates, of as many times."""

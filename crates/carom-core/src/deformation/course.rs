@@ -1,6 +1,6 @@
 //! A periodic box over a step.
 
-use super::law::Strain;
+use super::law::{step_of, Strain};
 use crate::contact::CANDIDATE_MARGIN;
 use crate::model::Model;
 use crate::outcome::{within_bounds, FASTEST};
@@ -25,10 +25,8 @@ pub struct BoxCourse {
     pub start: Periodic,
     pub now: Periodic,
     pub(super) end: Periodic,
-    /// At t_n, at t_{n+1}, and there after a kink.
-    pub(super) rates: [Strain; 3],
-    /// Part of the displacement that the rate at t_n does not explain.
-    pub(super) beyond: Strain,
+    /// In this step.
+    pub(super) rate: Strain,
 }
 
 impl BoxCourse {
@@ -47,23 +45,13 @@ impl BoxCourse {
         let Some(law) = &model.deformation else {
             return Ok(());
         };
-        let at = |t: f64| law.periodic(&model.periodic, t);
+        let h = model.options.step;
+        let at = |t: f64| law.periodic(&model.periodic, t, h);
         (self.start, self.end) = (at(span.start), at(span.end));
         self.now = self.end;
-        self.rates = [
-            law.rate(span.start),
-            law.rate_before(span.end),
-            law.rate(span.end),
-        ];
-        let moved = law.at(span.end).minus(law.at(span.start));
-        self.beyond = moved.minus(Strain {
-            stretch: span.h * self.rates[0].stretch,
-            shear: span.h * self.rates[0].shear,
-        });
-        let slow = self.rates.iter().all(|rate| {
-            let [stretch, shear] = [rate.stretch, DVec3::splat(rate.shear)];
-            within_bounds(stretch * model.periodic.length(), shear)
-        });
+        self.rate = law.rate(step_of(span.start, h), h);
+        let [stretch, shear] = [self.rate.stretch, DVec3::splat(self.rate.shear)];
+        let slow = within_bounds(stretch * model.periodic.length(), shear);
         if !(slow && self.end.length().is_finite()) {
             return Err(format!(
                 "the deformation of the periodic box is not finite, or faster than {FASTEST:e} m/s, by t = {} s",
@@ -86,7 +74,7 @@ impl BoxCourse {
     /// Puts the box of the gaps to another time of the step.
     pub fn place(&mut self, model: &Model, time: f64) {
         if let Some(law) = &model.deformation {
-            self.now = law.periodic(&model.periodic, time);
+            self.now = law.periodic(&model.periodic, time, model.options.step);
         }
     }
 
@@ -99,12 +87,12 @@ impl BoxCourse {
         }
     }
 
-    /// Velocity of an image at t_n (0), at t_{n+1} (1), and there after a kink (2).
+    /// Velocity of an image in this step.
     #[inline]
-    pub fn velocity(&self, model: &Model, end: usize, count: DVec3) -> DVec3 {
+    pub fn velocity(&self, model: &Model, count: DVec3) -> DVec3 {
         let law = model.deformation.as_ref();
         law.map_or(DVec3::ZERO, |law| {
-            law.velocity(&model.periodic, &self.rates[end], count)
+            law.velocity(&model.periodic, &self.rate, count)
         })
     }
 
@@ -121,6 +109,16 @@ impl BoxCourse {
             true => d - self.way(self.start.share(x)),
             false => d,
         }
+    }
+
+    /// The same until the time of the gaps.
+    #[inline]
+    pub fn own_way_now(&self, x: DVec3, d: DVec3) -> DVec3 {
+        if !self.deforms {
+            return d;
+        }
+        let share = self.start.share(x);
+        d - (self.now.image(share) - self.start.image(share))
     }
 
     /// How far (m) a distance of `length` changes at most over the step.

@@ -4,6 +4,12 @@ use carom_geom::{Periodic, Shear};
 use carom_laws::Scalar;
 use glam::DVec3;
 
+/// By how much (1) the rate of a step may differ from the slope of its law at the start, in units of both values, to count as that: differences round.
+/// Larger: bends of the law are lost.
+const STRAIGHT: f64 = 1e-9;
+/// Share (1) of a step by which times may be early: they are rounded. Larger: the end of a step counts as the next one.
+const ON_TIME: f64 = 1e-6;
+
 /// How a periodic box deforms over time.
 #[derive(Clone, Debug)]
 pub struct Deformation {
@@ -33,7 +39,7 @@ impl Strain {
 }
 
 impl Deformation {
-    pub(super) fn strain(&self, law: impl Fn(&Scalar) -> f64, without: f64) -> Strain {
+    fn strain(&self, law: impl Fn(&Scalar) -> f64, without: f64) -> Strain {
         let of = |given: &Option<Scalar>| given.as_ref().map_or(without, &law);
         Strain {
             stretch: DVec3::from(std::array::from_fn(|k| of(&self.stretch[k]))),
@@ -41,28 +47,33 @@ impl Deformation {
         }
     }
 
-    pub(super) fn at(&self, t: f64) -> Strain {
-        self.strain(|law| law.value(t), 1.0)
+    /// The rate of step number `step` of size `h`, which is constant: between the times of the grid the box goes the straight way.
+    pub(super) fn rate(&self, step: u64, h: f64) -> Strain {
+        let [from, to] = [step, step + 1].map(|n| n as f64 * h);
+        let mean = |law: &Scalar| {
+            let (mean, slope) = ((law.value(to) - law.value(from)) / h, law.slope(from));
+            // Of a straight law without the rounding of a difference.
+            let same = (mean - slope).abs() <= STRAIGHT * (slope.abs() + law.value(to).abs());
+            if same {
+                slope
+            } else {
+                mean
+            }
+        };
+        self.strain(mean, 0.0)
     }
 
-    /// The rate at a time; at a kink that after it.
-    pub(super) fn rate(&self, t: f64) -> Strain {
-        self.strain(|law| law.slope(t), 0.0)
-    }
-
-    /// At a kink the rate before it.
-    pub(super) fn rate_before(&self, t: f64) -> Strain {
-        self.strain(|law| law.slope_before(t), 0.0)
-    }
-
-    /// The box at a time, which was `given`.
-    pub fn periodic(&self, given: &Periodic, t: f64) -> Periodic {
-        let now = self.at(t);
-        let length = now.stretch * given.length();
+    /// The box at a time, which was `given`, with steps of size `h`.
+    pub fn periodic(&self, given: &Periodic, t: f64, h: f64) -> Periodic {
+        let step = step_of(t, h);
+        let from = step as f64 * h;
+        let (start, rate) = (self.strain(|law| law.value(from), 1.0), self.rate(step, h));
+        let stretch = start.stretch + (t - from) * rate.stretch;
+        let length = stretch * given.length();
         let shear = Shear {
             flow: self.flow,
             gradient: self.gradient,
-            offset: now.shear * given.length()[self.gradient],
+            offset: (start.shear + (t - from) * rate.shear) * given.length()[self.gradient],
         };
         Periodic::new(length, given.middle() - 0.5 * length).sheared(shear)
     }
@@ -75,9 +86,14 @@ impl Deformation {
         v
     }
 
-    /// The mean flow at `x` and a time.
-    pub fn flow_at(&self, given: &Periodic, x: DVec3, t: f64) -> DVec3 {
-        let share = self.periodic(given, t).share(x);
-        self.velocity(given, &self.rate(t), share)
+    /// The mean flow at `x` and a time, that of the step that begins there.
+    pub fn flow_at(&self, given: &Periodic, x: DVec3, t: f64, h: f64) -> DVec3 {
+        let share = self.periodic(given, t, h).share(x);
+        self.velocity(given, &self.rate(step_of(t, h), h), share)
     }
+}
+
+/// The step in which a time is, or that begins there.
+pub(super) fn step_of(t: f64, h: f64) -> u64 {
+    (t / h + ON_TIME).floor().max(0.0) as u64
 }

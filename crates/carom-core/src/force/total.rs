@@ -60,8 +60,15 @@ fn length(model: &Model, side: Side, displaced: &[DVec3], time: f64) -> f64 {
     }
 }
 
-/// The given force of a free wall at a time, N. The area of a pressure is that of t_n, where free walls were displaced so: what presses a wall must not
-/// depend on what it is looked for.
+/// Displacements of free walls at the end of a step of size `h`, as far as its start tells: what presses a wall must not depend on what is looked for.
+pub fn displaced_ahead(model: &Model, state: &State, h: f64) -> Vec<DVec3> {
+    let walls = model.first_wall()..model.bodies();
+    walls
+        .map(|i| state.position[i] + h * state.velocity[i])
+        .collect()
+}
+
+/// The given force of a free wall at a time, N, with free walls displaced so.
 pub fn wall_force(model: &Model, wall: &FreeWall, displaced: &[DVec3], time: f64) -> DVec3 {
     let sides = wall.area.iter().flatten();
     let area: f64 = sides
@@ -72,15 +79,15 @@ pub fn wall_force(model: &Model, wall: &FreeWall, displaced: &[DVec3], time: f64
 
 /// Work of the given force of a free wall in a step, J, in which it goes this way. Where impacts change its velocity within the step, places tell that
 /// work and velocities do not.
-pub fn wall_work(
-    model: &Model,
-    wall: &FreeWall,
-    displaced: &[DVec3],
-    span: Span,
-    way: DVec3,
-) -> f64 {
-    let at = |time| wall_force(model, wall, displaced, time);
-    0.5 * (at(span.start) + at(span.end)).dot(way)
+pub fn wall_work(model: &Model, wall: &FreeWall, state: &State, span: Span, way: DVec3) -> f64 {
+    let start = wall_force(
+        model,
+        wall,
+        &state.position[model.first_wall()..],
+        span.start,
+    );
+    let ahead = displaced_ahead(model, state, span.h);
+    0.5 * (start + wall_force(model, wall, &ahead, span.end)).dot(way)
 }
 
 /// Acceleration of a body by its weight, and by the given force of a free wall, at a time, m/s^2.
@@ -93,7 +100,7 @@ pub fn own_acceleration(model: &Model, displaced: &[DVec3], body: usize, time: f
     }
 }
 
-/// Weight of body `i`, and the given force if it is a free wall, at a time, N; free walls were `displaced` so at t_n.
+/// Weight of body `i`, and the given force if it is a free wall, at a time, N; free walls were `displaced` so.
 #[inline]
 pub fn own_force(model: &Model, displaced: &[DVec3], i: usize, time: f64) -> DVec3 {
     match model.free_wall(i) {

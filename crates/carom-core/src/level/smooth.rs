@@ -5,9 +5,8 @@
 
 use super::smooth_newton::{place, Weights};
 use crate::clump;
-use crate::deformation;
 use crate::force::evaluated;
-use crate::force::total::own_force;
+use crate::force::total::{displaced_ahead, own_force};
 use crate::outcome::{BlowUp, Failure, Level};
 use crate::scratch::Scratch;
 use crate::state::State;
@@ -25,14 +24,6 @@ const TOLERANCE: f64 = 1e-10;
 pub fn solve(on: &mut Step) -> Result<(), Failure> {
     predict(on);
     on.report.iterations_smooth = 1;
-    let scratch = &mut *on.scratch;
-    deformation::carry(
-        on.model,
-        &scratch.walls.periodic,
-        on.state,
-        &mut scratch.linear,
-        &mut scratch.position,
-    );
     clump::predict(on.model, on.state, on.scratch, on.span.h)?;
     if !on.model.is_free() {
         iterate(on)?;
@@ -46,7 +37,7 @@ pub fn solve(on: &mut Step) -> Result<(), Failure> {
 /// The motion under the weight, and of free walls under their forces, alone.
 fn predict(on: &mut Step) {
     let (model, state, coefficients, end) = (on.model, &*on.state, on.coefficients, on.span.end);
-    let displaced = &state.position[model.first_wall()..];
+    let displaced = displaced_ahead(model, state, on.span.h);
     let scratch = &mut *on.scratch;
     let per_velocity = 1.0 / coefficients.acceleration_per_velocity();
     let (threads, n) = (model.options.threads as usize, model.bodies());
@@ -59,7 +50,7 @@ fn predict(on: &mut Step) {
         for (k, i) in (first..first + linear.len()).enumerate() {
             let ([a, alpha], [acc, ang]) = (state.pseudo[i], state.acceleration[i]);
             let mut p = coefficients.predict(state.velocity[i], a, acc);
-            let f = own_force(model, displaced, i, end);
+            let f = own_force(model, &displaced, i, end);
             coefficients.correct(&mut p, per_velocity * model.inv_mass[i] * f);
             position[k] = state.position[i] + p.displacement;
             linear[k] = p;
@@ -90,7 +81,8 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
     let tolerance = model.options.tolerance.min(TOLERANCE);
     let (scratch, report) = (&mut *on.scratch, &mut *on.report);
     let said = &mut scratch.load_error;
-    evaluated(scratch.smooth.begin(model, on.state, weights.time), said)?;
+    let displaced = displaced_ahead(model, on.state, on.span.h);
+    evaluated(scratch.smooth.begin(model, displaced, weights.time), said)?;
     for iteration in 0..=model.options.max_iterations {
         let (linear, angular) = (&mut scratch.linear, &mut scratch.angular);
         let (smooth, trial) = (&mut scratch.smooth, &mut scratch.trial);

@@ -86,7 +86,7 @@ pub struct SmoothScratch {
     /// Share of each sphere; those of the groups come first.
     residual_of: Vec<u32>,
     residuals: Vec<ResidualTerms>,
-    /// Displacements of free walls at t_n.
+    /// Displacements of free walls as far as they are known.
     displaced: Vec<DVec3>,
     /// First row of each joint among all joint rows.
     pub first_row: Vec<u32>,
@@ -167,9 +167,13 @@ impl SmoothScratch {
     }
 
     /// Starts a sub-problem: forgets the reactions and speeds of the last one. A joint's law may have left its domain.
-    pub fn begin(&mut self, model: &Model, state: &State, time: f64) -> Result<(), LoadError> {
-        self.displaced.clear();
-        (self.displaced).extend_from_slice(&state.position[model.first_wall()..]);
+    pub fn begin(
+        &mut self,
+        model: &Model,
+        displaced: Vec<DVec3>,
+        time: f64,
+    ) -> Result<(), LoadError> {
+        self.displaced = displaced;
         self.lambda.fill(0.0);
         self.residuals.fill(ResidualTerms::default());
         for (index, joint) in model.joints.iter().enumerate() {

@@ -143,11 +143,13 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
     let mut fastest = 0.0f64;
     for i in 0..model.bodies() {
         // The whole way of the smooth step too: what lies on it must be known.
-        let smooth = scratch.linear[i].displacement.length();
-        fastest = fastest.max(smooth);
-        let way = (scratch.position[i] - state.position[i]).length();
+        let (course, x) = (&scratch.walls.periodic, state.position[i]);
+        let smooth = course.own_way(x, scratch.linear[i].displacement).length();
+        let way = course.own_way_now(x, scratch.position[i] - x).length();
         let need = way.max(smooth) + CANDIDATE_MARGIN * model.radius[i] + reach;
-        scratch.need[i] = state.need(model, i, need);
+        let of_box = course.change(model.radius[i] + need);
+        fastest = fastest.max(smooth + of_box);
+        scratch.need[i] = state.need(model, i, need + of_box);
     }
     candidates::list(model, state, scratch)?;
     Ok(fastest)

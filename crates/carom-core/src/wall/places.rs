@@ -208,13 +208,13 @@ impl Walls {
         (end.centre - start.centre) + turn.cross(p - 0.5 * (start.centre + end.centre))
     }
 
-    /// Velocity that an image of body B has on top of that of B, at t_n (0) or t_{n+1} (1); `None`: it is no image.
+    /// Velocity that an image of body B has on top of that of B; `None`: it is no image.
     #[inline]
-    fn image_twist(&self, model: &Model, c: &Contact, end: usize) -> Option<WallTwist> {
+    fn image_twist(&self, model: &Model, c: &Contact) -> Option<WallTwist> {
         if c.image == IVec3::ZERO {
             return None;
         }
-        let velocity = (self.periodic).velocity(model, end, c.image.as_dvec3());
+        let velocity = (self.periodic).velocity(model, c.image.as_dvec3());
         Some(WallTwist {
             shape: velocity,
             material: velocity,
@@ -227,7 +227,7 @@ impl Walls {
     #[inline]
     pub fn start_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
         if self.periodic.deforms && !c.meets_wall(model) {
-            return self.image_twist(model, c, 0);
+            return self.image_twist(model, c);
         }
         let course = self.course(model, c.b)?;
         Some(
@@ -241,7 +241,7 @@ impl Walls {
     #[inline]
     pub fn end_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
         if self.periodic.deforms && !c.meets_wall(model) {
-            return self.image_twist(model, c, 1);
+            return self.image_twist(model, c);
         }
         let course = self.course(model, c.b)?;
         Some(course.end.twist(centre - model.radius[c.a as usize] * c.n1))

@@ -14,6 +14,7 @@ from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot
 from carom.scene.checks.attachments import advise_loads
 from carom.scene.checks.curved_walls import advise_curved, below
+from carom.scene.checks.deformation import advise_deformation
 from carom.scene.checks.energy_gain import advise_gain
 from carom.scene.checks.flow import advise_flow
 from carom.scene.checks.joint_contacts import advise_joint_contacts
@@ -67,6 +68,7 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from advise_loads(parts)
     yield from advise_walls(parts)
     yield from advise_flow(parts)
+    yield from advise_deformation(parts)
 
 
 def _has_substeps(parts: Parts) -> bool:

@@ -12,6 +12,7 @@ from carom.arrays import F64
 from carom.scene.messages import Finding
 from carom.scene.tables.deformation import AXES, Deformation
 from carom.scene.tables.laws import fault_at, value_at
+from carom.scene.tables.model import Contact
 
 if TYPE_CHECKING:
     from carom.scene.checks.rules import Parts
@@ -21,6 +22,8 @@ METHODS = ("nsga", "moreau")
 SAMPLES = 200
 """Times of a run at which the box is looked at."""
 KEY = ("world", "deformation")
+MOST_STRAIN = 0.1
+"""Strain of the box in a step from which on its neighbours pass each other by a fifth of a radius."""
 
 
 def check_deformation(parts: Parts) -> Iterator[Finding]:
@@ -42,13 +45,42 @@ def check_deformation(parts: Parts) -> Iterator[Finding]:
     if method not in METHODS:
         cause = f"a periodic box that deforms needs method {' or '.join(METHODS)}, found {method}"
         yield Finding(("run", "method"), cause, "take one of them, or remove deformation")
-    for section in ("inflow", "outlet"):
+    for section in ("inflow", "outlet", "spring", "drag", "load_function"):
         for i, _ in parts.entries[section]:
-            cause = f"an {section} does not act in a periodic box that deforms"
+            cause = f"[[{section}]] does not go with a periodic box that deforms"
             yield Finding((section, i), cause, "remove it, or remove deformation")
+    yield from _rough_walls(parts)
     for i, _ in parts.entries["joint"]:
         cause = "balls that are joined do not go along with a periodic box that deforms"
         yield Finding(("joint", i), cause, "make a [[clump]] of them, or remove deformation")
+
+
+def _rough_walls(parts: Parts) -> Iterator[Finding]:
+    """Walls stand, and do not flow: with friction they would tell the images of a ball apart."""
+    walls = {wall.material for wall in parts.walls()}
+    for i, table in parts.entries["contact"]:
+        assert isinstance(table, Contact)
+        rough = any((table.friction, table.rolling_radius, table.spinning_radius))
+        if rough and walls & set(table.between):
+            cause = "friction at a wall, which does not go along with a periodic box that deforms"
+            cure = (
+                "write friction = 0.0 here, with a material of its own for the walls; or remove deformation"
+            )
+            yield Finding(("contact", i, "friction"), cause, cure)
+
+
+def advise_deformation(parts: Parts) -> Iterator[Finding]:
+    """Neighbours pass each other in a step where it strains the box too far."""
+    deformation, run = _of(parts), parts.run
+    if deformation is None or run is None or run.until is None:
+        return
+    worst = 0.0
+    for time in _times(parts).tolist():
+        gradient = deformation.velocity_gradient(time, run.step)
+        worst = max(worst, run.step * float(np.abs(gradient).max()))
+    if MOST_STRAIN < worst < math.inf:
+        cause = f"a step of {run.step:g} s strains the periodic box by {worst:.2g}: neighbours pass each other unnoticed"
+        yield Finding(("run", "step"), cause, f"step = {run.step * MOST_STRAIN / worst:.1g} is safe")
 
 
 def _of(parts: Parts) -> Deformation | None:

@@ -11,15 +11,11 @@ from pydantic import model_validator
 from carom.arrays import F64
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import POSITIVE, Choice, refuse
-from carom.scene.tables.laws import Law, LawValue, LawVector, as_core, slope_at, value_at
+from carom.scene.tables.laws import Law, LawValue, LawVector, as_core, value_at
 from carom.scene.tables.loads import LawVec3
 from carom.scene.tables.quantities import key
 
 AXES = ("x", "y", "z")
-SHARE = 0.01
-"""Of a step, over which rates of expressions are differences. A tenth of it loses one of some ten digits by rounding; with
-more, laws whose rate jumps at the end of the next step would be smeared over the step.
-"""
 
 
 class Deformation(Table):
@@ -78,9 +74,8 @@ class Deformation(Table):
         return self._matrix([value_at(law, time) for law in stretch], value_at(shear, time))
 
     def velocity_gradient(self, time: float, step: float) -> F64:
-        """G = dF/dt F^-1 at a time, (3, 3), 1/s: after it where a rate jumps. `step` (s) is that of the run."""
-        stretch, shear, h = (self.stretch or (1.0, 1.0, 1.0)), self.shear or 0.0, SHARE * step
-        rate = self._matrix([slope_at(law, time, h) for law in stretch], slope_at(shear, time, h))
+        """G = dF/dt F^-1, (3, 3), 1/s, in the step (s) of the run that begins at a time: rates are constant in each."""
+        rate = (self.gradient_at(time + step) - self.gradient_at(time)) / step
         return np.asarray(rate @ np.linalg.inv(self.gradient_at(time)))
 
     def _matrix(self, diagonal: list[float], beside: float) -> F64:

@@ -251,20 +251,6 @@ def slope_at_start(law: LawValue, h: float) -> tuple[float, float]:
     return fine, abs(fine - coarse) + rounding
 
 
-def slope_at(law: LawValue, x: float, h: float) -> float:
-    """Derivative from the right at `x`; that of an expression is a difference of fourth order over steps of `h`."""
-    if not isinstance(law, dict):
-        return 0.0
-    ((form, data),) = law.items()
-    if form == "polynomial":
-        return float(np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyder(data)))
-    if form == "table":
-        around = (rise for rise in itertools.pairwise(data) if rise[0][0] <= x + 1e-12 * abs(x) < rise[1][0])
-        (x0, y0), (x1, y1) = next(around, ((0.0, 0.0), (1.0, 0.0)))
-        return float((y1 - y0) / (x1 - x0))
-    return sum(w * value_at(law, x + k * h) for k, w in enumerate(FORWARD)) / h
-
-
 def times(law: LawValue, factor: float) -> LawValue:
     """The law with all its values multiplied."""
     if not isinstance(law, dict):
