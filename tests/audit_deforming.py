@@ -53,9 +53,12 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
     cohesion = {"cohesion": one(0.002, 0.05), "rupture_distance": one(1e-5, 1e-3)}
     cohesion = {} if clumps or one(0, 0, 1) else cohesion
     for other in ("grain", "wall"):
-        made.contact("grain", other, friction=one(0.0, 0.2, 0.5), restitution=one(0.0, 0.5, 0.8, 1.0),
-                     tangential_restitution=one(0.0, 0.0, 0.0, 0.4), rolling_radius=one(0.0, 0.0, 1e-4),
-                     spinning_radius=one(0.0, 0.0, 1e-4), **cohesion)  # fmt: skip
+        rough = {"friction": one(0.0, 0.2, 0.5), "rolling_radius": one(0.0, 0.0, 1e-4),
+                 "spinning_radius": one(0.0, 0.0, 1e-4)}  # fmt: skip
+        if other == "wall":  # which does not go along with the box
+            rough = {"friction": 0.0}
+        made.contact("grain", other, restitution=one(0.0, 0.5, 0.8, 1.0),
+                     tangential_restitution=one(0.0, 0.0, 0.0, 0.4), **rough, **cohesion)  # fmt: skip
     shear, stretch = _laws(one)
     planes = one(("x", "y"), ("y", "x")) if walled else one(("x", "z"), ("y", "x"), ("z", "y"))
     given: dict[str, Any] = {}
@@ -84,8 +87,6 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
             made.sphere(f"b{k}", radius=R * one(1.0, 1.0, 0.9), **common)
     loose = [ball.name for ball in made.spheres]
     if len(loose) > 1 and not clumps and one(0, 0, 0, 1):
-        m = 0.01
-        made.drag(loose[0], translation=m, rotation=m * R**2)
         made.load(loose[1], force=[0, 0, {"expression": "0.1*sin(80*t)"}])
     options: dict[str, Any] = {
         "method": method,
