@@ -153,3 +153,12 @@ def test_where_the_rate_jumps_the_flow_of_a_frame_is_the_one_after_it(law: Any) 
         box, v = run.box(k), np.asarray(run.velocity[k])
         assert box.velocity_gradient[0, 2] == pytest.approx(10.0 if k < 10 else 0.0, abs=1e-8)
         assert v == pytest.approx(box.flow_velocity(np.asarray(run.position[k])), abs=1e-8)
+
+
+def test_a_law_need_not_go_on_behind_the_end_of_the_run(tmp_path: Path) -> None:
+    made = scene(shear="t + 0*sqrt(0.2000001 - t)", flow="x", gradient="z")
+    result = carom.simulate(made, every=1, out=tmp_path / "run")
+    assert result.status == "done"
+    assert np.isfinite(np.asarray(result.velocity)).all()
+    assert result.box(-1).velocity_gradient[0, 2] == pytest.approx(1.0)
+    assert carom.audit.check(tmp_path / "run").ok

@@ -72,8 +72,16 @@ class Lattice:
         return np.floor(time / self.h + 1e-6)
 
     def _rate(self, form: Any, time: F64, *, end: bool = False) -> F64:
-        """(K,) of a law: from one time of the grid to the next. Of a straight one it is the slope, which does not round."""
-        number = np.maximum(self._number(time) - end, 0.0)
+        """(K,) of a law: from one time of the grid to the next. Of a straight one it is the slope, which does not round.
+        Where the law ends it is that of the step before.
+        """
+        found = self._of_step(form, np.maximum(self._number(time) - end, 0.0))
+        behind = ~np.isfinite(found)
+        if behind.any():
+            found = np.where(behind, self._of_step(form, np.maximum(self._number(time) - 1.0, 0.0)), found)
+        return found
+
+    def _of_step(self, form: Any, number: F64) -> F64:
         (first, slope), (last, _) = law(form, number * self.h), law(form, (number + 1.0) * self.h)
         mean = (last - first) / self.h
         return np.where(np.abs(mean - slope) <= 1e-9 * (np.abs(slope) + np.abs(last)), slope, mean)

@@ -24,9 +24,9 @@ pub struct BoxCourse {
     /// At t_n, at the time of the gaps, and at t_{n+1}.
     pub start: Periodic,
     pub now: Periodic,
-    pub(super) end: Periodic,
+    end: Periodic,
     /// In this step.
-    pub(super) rate: Strain,
+    rate: Strain,
 }
 
 impl BoxCourse {
@@ -49,10 +49,10 @@ impl BoxCourse {
         let at = |t: f64| law.periodic(&model.periodic, t, h);
         (self.start, self.end) = (at(span.start), at(span.end));
         self.now = self.end;
-        self.rate = law.rate(step_of(span.start, h), h);
+        self.rate = law.rate_of(step_of(span.start, h), h);
         let [stretch, shear] = [self.rate.stretch, DVec3::splat(self.rate.shear)];
         let slow = within_bounds(stretch * model.periodic.length(), shear);
-        if !(slow && self.end.length().is_finite()) {
+        if !(slow && self.rate.is_finite()) {
             return Err(format!(
                 "the deformation of the periodic box is not finite, or faster than {FASTEST:e} m/s, by t = {} s",
                 span.end

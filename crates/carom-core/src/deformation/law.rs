@@ -30,6 +30,10 @@ pub struct Strain {
 }
 
 impl Strain {
+    pub(super) fn is_finite(self) -> bool {
+        self.stretch.is_finite() && self.shear.is_finite()
+    }
+
     pub(super) fn minus(self, other: Strain) -> Strain {
         Strain {
             stretch: self.stretch - other.stretch,
@@ -47,8 +51,18 @@ impl Deformation {
         }
     }
 
-    /// The rate of step number `step` of size `h`, which is constant: between the times of the grid the box goes the straight way.
+    /// The rate of step number `step` of size `h`, which is constant: between the times of the grid the box goes the straight way. Where the law ends,
+    /// as that of a run may do, it is that of the step before.
     pub(super) fn rate(&self, step: u64, h: f64) -> Strain {
+        match (self.rate_of(step, h), step) {
+            (rate, 0) => rate,
+            (rate, _) if rate.is_finite() => rate,
+            _ => self.rate_of(step - 1, h),
+        }
+    }
+
+    /// The same; no numbers where the law ends.
+    pub(super) fn rate_of(&self, step: u64, h: f64) -> Strain {
         let [from, to] = [step, step + 1].map(|n| n as f64 * h);
         let mean = |law: &Scalar| {
             let (mean, slope) = ((law.value(to) - law.value(from)) / h, law.slope(from));

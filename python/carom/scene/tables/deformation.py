@@ -74,8 +74,12 @@ class Deformation(Table):
         return self._matrix([value_at(law, time) for law in stretch], value_at(shear, time))
 
     def velocity_gradient(self, time: float, step: float) -> F64:
-        """G = dF/dt F^-1, (3, 3), 1/s, in the step (s) of the run that begins at a time: rates are constant in each."""
+        """G = dF/dt F^-1, (3, 3), 1/s, in the step (s) of the run that begins at a time: rates are constant in each. At the
+        end of a law it is that of the step before.
+        """
         rate = (self.gradient_at(time + step) - self.gradient_at(time)) / step
+        if not np.isfinite(rate).all():
+            rate = (self.gradient_at(time) - self.gradient_at(time - step)) / step
         return np.asarray(rate @ np.linalg.inv(self.gradient_at(time)))
 
     def _matrix(self, diagonal: list[float], beside: float) -> F64:
