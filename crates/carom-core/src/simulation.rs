@@ -471,11 +471,15 @@ impl Simulation {
                     residual = f.residual;
                 }
                 out.bodies = pair(bodies);
+                let mut cures = cures(&self.model.options, contacts, residual);
+                if self.model.deformation.is_some() {
+                    cures += "; rigid grains on which a periodic box closes have no solution: end the run before";
+                }
                 out.unsolved = Some(Unsolved {
                     contacts,
                     joints,
                     residual,
-                    cures: cures(&self.model.options, contacts, residual),
+                    cures,
                 });
             }
         }

@@ -443,3 +443,20 @@ fn a_box_that_gets_too_short_stops_the_run() {
     let said = outcome.message.expect("it says why");
     assert!(said.contains("long along x"), "{said}");
 }
+
+#[test]
+fn a_box_that_closes_on_its_grains_says_so() {
+    let mut input = gas(3, 2.05, 0.0, 0.5, 0.0);
+    input.deformation = Some(Deformation {
+        stretch: [-0.5; 3].map(|rate| law(1.0, rate, 0.0)),
+        ..shear(0.0, 0, 1).expect("a shear")
+    });
+    let mut s = simulation(&input, options(1e-3));
+    let outcome = advance(&mut s, 600).expect("it jams");
+    let unsolved = outcome.unsolved.expect("a problem without solution");
+    assert!(
+        unsolved.cures.contains("on which a periodic box closes"),
+        "{}",
+        unsolved.cures
+    );
+}
