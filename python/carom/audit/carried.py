@@ -1,8 +1,8 @@
 """What a periodic box that deforms gives bodies where its rate changes, and how fast they are against its mean flow.
 
-While the rate of the box is constant a body keeps the mean flow `dH/dt H^-1 x` with its velocity. Where the rate changes by
-`dF'` in a step, the smooth motion gets `dF' F^-1 x`, and the rest of the displacement `(F_1 - F_0 - h F'_0) F_0^-1 x`. Over
-several steps that is known to the way of the body against the flow. What kinks give between steps is `Block.kink`.
+The rate of the box is constant in a step, and a body keeps the mean flow `dH/dt H^-1 x` with its velocity. Between two steps
+it gets the change `dF' F^-1 x`; that after the last step of an interval is `Block.kink`. Over several steps the changes
+between them are known to the way of the body against the flow.
 """
 
 from __future__ import annotations
@@ -62,18 +62,10 @@ def of_block(block: Block) -> Carried:
 
 
 @once
-def _jolts(run: Run) -> tuple[F64, F64]:
-    """(S,) 1/s, sizes of the changes of the rate of the box in each step, and of the kink after it, over the edges."""
-    end = run.steps["time"]
-    return run.box.jolts(np.concatenate([[0.0], end[:-1]]), end)
-
-
 def jolts(run: Run) -> F64:
-    """(S,) the same of each step and the kink after it together."""
-    if not run.box.deforms:
-        return np.zeros(len(run.steps["time"]))
-    within, after = _jolts(run)
-    return np.asarray(within + after)
+    """(S,) 1/s, sizes of the changes of the rate of the box after each step, over the edges."""
+    end = run.steps["time"]
+    return run.box.jolts(end) if run.box.deforms else np.zeros(len(end))
 
 
 @once
@@ -81,9 +73,8 @@ def jolted(block: Block) -> F64:
     """(B,) 1/s, by how much the rate of the box changes in an interval, over the edges: the sum of all changes."""
     if not block.run.box.deforms:
         return np.zeros(block.count)
-    within, after = (block.total(of) for of in _jolts(block.run))
-    last = _jolts(block.run)[1][np.clip(block.s1 - 1, 0, None)]
-    return np.asarray(within + after - last)
+    after = jolts(block.run)
+    return np.asarray(block.total(after) - after[np.clip(block.s1 - 1, 0, None)])
 
 
 @once

@@ -149,8 +149,7 @@ def _balance(block: Block, tally: Tally) -> None:
     change = motion[1] - motion[0]
     change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
     turned, turned_slack = turning.of_block(block)
-    carry, carry_slack = box_energy.weights(block)
-    turned, turned_slack = turned + carry, turned_slack + carry_slack
+    turned_slack = turned_slack + box_energy.weights(block)
     change = change - turned
     for load in run.loads:
         if load["kind"] == "spring":
@@ -367,8 +366,6 @@ def rises(run: Run, tally: Tally) -> None:
         pull = np.max([np.full(len(motion), g), *of_walls], axis=0)
         given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(pressed)) * h
         bound = bound + 0.5 * h * pull * given
-    if run.box.deforms:
-        bound = bound + box_energy.jolted(run, motion)
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
         bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top

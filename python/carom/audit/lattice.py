@@ -151,8 +151,7 @@ class Lattice:
         beside = (change[1] - each[:, self.flow] * offset) / over[:, self.gradient]
         return np.asarray(norm(np.concatenate([each, beside[:, None]], axis=1)))
 
-    def jolts(self, start: F64, end: F64) -> tuple[F64, F64]:
-        """(K,) 1/s, sizes of the changes of the rate within steps from `start` to `end`, and of that at the kink after."""
-        first, last, then = self.rates(start), self.rates(end, end=True), self.rates(end)
-        within = self._over((last[0] - first[0], last[1] - first[1]), start)
-        return within, self._over((then[0] - last[0], then[1] - last[1]), end)
+    def jolts(self, end: F64) -> F64:
+        """(K,) 1/s, sizes of the changes of the rate from the steps that end at these times to the next ones."""
+        last, then = self.rates(end, end=True), self.rates(end)
+        return self._over((then[0] - last[0], then[1] - last[1]), end)
