@@ -39,7 +39,7 @@ def law(inertial, low, high, scale):
     return low + (high - low) / (1.0 + scale / inertial)
 
 
-def flow(fraction: float, grains: int, strain: float, seed: int) -> carom.Scene:
+def flow(fraction: float, grains: int, strain: float, seed: int, impact: str) -> carom.Scene:
     """Grains at random in a box that shears."""
     # Mean cube of a diameter that is uniform within a fifth of its mean.
     volume = grains * np.pi / 6 * DIAMETER**3 * 1.04
@@ -51,7 +51,7 @@ def flow(fraction: float, grains: int, strain: float, seed: int) -> carom.Scene:
         run={
             "until": strain / RATE,
             "step": STRAIN_PER_STEP / RATE,
-            "impact": "one-shot",
+            "impact": impact,
             "pile_tolerance": 1e-6,
         },
         record={"every": round(STRAIN_PER_FRAME / STRAIN_PER_STEP)},
@@ -141,6 +141,9 @@ def main() -> int:
     parser.add_argument("--strain", type=float, default=4.0)
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--fractions", type=float, nargs="+", default=list(FRACTIONS))
+    parser.add_argument(
+        "--impact", default="one-shot", help="the impact law; sequence takes ten times as long"
+    )
     parser.add_argument("--csv")
     parser.add_argument("--figure")
     options = parser.parse_args()
@@ -153,7 +156,9 @@ def main() -> int:
         begin = time.perf_counter()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", carom.CaromWarning)
-            result = carom.simulate(flow(fraction, options.grains, options.strain, options.seed))
+            result = carom.simulate(
+                flow(fraction, options.grains, options.strain, options.seed, options.impact)
+            )
         row = measured(result) | {"seconds": time.perf_counter() - begin}
         rows.append(row)
         print(
