@@ -115,12 +115,35 @@ class TestOnACluster:
         process.kill()
         process.wait()
         told = driver.communicate(timeout=120)[1]
-        assert driver.returncode == 2
+        assert driver.returncode == 2, told
         assert told.startswith("carom: the scheduler is gone; what was computed stays")
         assert told.count("\n") == 1, "one line, without what dask says of it"
         rest = carom.sweep(files / "study.toml", files / "out", workers=0)
         assert 0 < rest.progress.new < 2000
         assert len(rest) == rest.ok.sum() == 2000
+
+    @pytest.mark.parametrize("says", ["cancelled", "closed"])
+    def test_a_scheduler_that_goes_while_a_piece_is_fetched_loses_nothing(
+        self, files: Path, says: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        # A continuous integration saw an exit code of 1: dask has several errors for a lost scheduler.
+        import distributed
+        from distributed.client import ClosedClientError, FutureCancelledError
+
+        process, address = scheduler(files)
+
+        def lost(future: Any) -> None:
+            process.kill()
+            process.wait()
+            if says == "cancelled":
+                raise FutureCancelledError(future.key, "scheduler-connection-lost")
+            while future.client.status == "running":
+                time.sleep(0.01)
+            raise ClosedClientError("Client is closed.")
+
+        monkeypatch.setattr(distributed.Future, "result", lost)
+        with pytest.raises(CaromError, match="the scheduler is gone; what was computed stays"):
+            carom.sweep(files / "study.toml", files / "out", scheduler=address)
 
     def test_a_scheduler_that_goes_while_pieces_are_awaited_loses_nothing(self, files: Path) -> None:
         # dask cancels what it awaits of a lost scheduler; it came out as an error in Carom, below tracebacks of dask.

@@ -59,8 +59,13 @@ def team(workers: int, scheduler: str | None) -> Iterator[Callable[[Sequence[Job
                 client = stack.enter_context(_client(workers, scheduler))
             try:
                 _drive(client, list(reversed(jobs)), done)
-            except (OSError, TimeoutError) as error:  # of the connection; those of workers come as CaromError
-                raise CaromError(GONE) from error
+            except CaromError:
+                raise
+            except Exception as error:
+                # Each call of dask says in its own way that the scheduler is lost. Errors of workers come as CaromError.
+                if isinstance(error, (OSError, TimeoutError, CancelledError)) or client.status != "running":
+                    raise CaromError(GONE) from error
+                raise
 
         yield compute_all
 
