@@ -77,18 +77,18 @@ class Meeting(NamedTuple):
     step: int
 
 
-def hits(run: Frames, a: str, b: str, after: int = 0) -> Impacts:
+def hits(run: Frames[Any], a: str, b: str, after: int = 0) -> Impacts:
     """The impacts of two balls after a step. Problem 0, which has only the loads of a step, is left out."""
     rows: Impacts = run.impacts.between(a, b)
     return rows.where((np.asarray(rows["problem"]) > 0) & (np.asarray(rows["step"]) > after))
 
 
-def frame_before(run: Frames, step: int) -> int:
+def frame_before(run: Frames[Any], step: int) -> int:
     """The last frame before the end of a step."""
     return int(np.searchsorted(np.asarray(run.step), step)) - 1
 
 
-def meeting(run: Frames, a: str, b: str, slowing: float = 0.0, after: int = 0) -> Meeting:
+def meeting(run: Frames[Any], a: str, b: str, slowing: float = 0.0, after: int = 0) -> Meeting:
     """When two balls first meet after a step. They must have met: `hits` has rows.
 
     The scheme has the impact at the end of a step. The time inside of it follows from gap and closing speed in the frame
@@ -165,7 +165,7 @@ def slip_to_roll(
 
 
 def rest(
-    result: Frames, body: str | None = None, *, speed: float = SPEED, ignore_spin: bool = False
+    result: Frames[Any], body: str | None = None, *, speed: float = SPEED, ignore_spin: bool = False
 ) -> list[Event]:
     """From when on balls lay still to the end: |v| and r |w| below `speed`, m/s, in all frames from there.
 
@@ -289,14 +289,14 @@ MOTION = ("position", "velocity", "angular_velocity", "present")
 
 
 def _windows(frames: int, bodies: int) -> Iterator[tuple[int, int]]:
-    """Frames in windows of so many numbers that they fit the memory, one after the other."""
+    """Frames[Any] in windows of so many numbers that they fit the memory, one after the other."""
     size = max(3, BLOCK // (3 * max(1, bodies)))
     for low in range(0, frames, size):
         yield low, min(frames, low + size)
 
 
 def _motion(
-    result: Frames, bodies: list[int], columns: Sequence[str] = MOTION, rows: slice = slice(None)
+    result: Frames[Any], bodies: list[int], columns: Sequence[str] = MOTION, rows: slice = slice(None)
 ) -> tuple[Array, ...]:
     """Columns of some frames, (T, n, ...), of some balls."""
     if len(bodies) == 1:

@@ -6,13 +6,13 @@ the core as arrays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64
 from carom.errors import CaromError
 from carom.reproduce.document import Iterations, NotConverged
 from carom.result.kinematics import Frames
@@ -25,7 +25,7 @@ from carom.scene.scene import Scene
 
 
 @dataclass(frozen=True)
-class Trace(Frames):
+class Trace(Frames[F64]):
     """A run: states at T instants of N spheres, the first at t = 0, and what the core reports, as of a `carom.Result`.
 
     `steps` and `residuals` are empty where only chosen instants were kept; `impacts` are there always. `core_s` is the time
@@ -33,19 +33,22 @@ class Trace(Frames):
     """
 
     h: float
-    time: F64
+    states: Mapping[str, F64]
     step: I64
-    position: F64
-    orientation: F64
-    velocity: F64
-    angular_velocity: F64
-    present: Bool
     bodies: Static
     steps: Steps
     impacts: Impacts
     residuals: Residuals
     monitors: dict[str, Any]
     core_s: float
+
+    @property
+    def time(self) -> F64:
+        """Times of the states, (T,), s."""
+        return self.states["time"]
+
+    def _quantity(self, name: str) -> F64:
+        return self.states[name]
 
     def index(self, t: float) -> int:
         """Index of the state at the time `t`, s; an error where none was kept."""
@@ -93,9 +96,8 @@ def trace(
         raise NotConverged(f"{scene.title}, h = {h:g} s: the run stopped, {ending.outcome}")
     return Trace(
         h=h,
-        **chosen.frames,
+        states={**chosen.frames, "present": np.ones((len(chosen.steps), len(names)), dtype=bool)},
         step=chosen.steps,
-        present=np.ones((len(chosen.steps), len(names)), dtype=bool),
         bodies=Static({"name": np.array(names), **{k: model[k] for k in ("radius", "mass", "inertia")}}),
         steps=Steps(memory),
         impacts=Impacts(memory, names),

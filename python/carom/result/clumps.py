@@ -5,16 +5,15 @@ The core gives the pose of the principal axes; here it is that of the own axes, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.errors import counted, did_you_mean
 from carom.result.record.clumps import COLUMNS
-from carom.result.tables import UnknownName
+from carom.result.tables import Named
 from carom.scene.assembly.rotations import inverse, product, rotated, rotated_back
 
 if TYPE_CHECKING:
@@ -120,33 +119,19 @@ def rigid(result: Any) -> I64:
     return np.unique(number, return_inverse=True)[1]
 
 
-class Clumps(Mapping[str, Clump]):
+class Clumps(Named[Clump]):
     """All clumps of a result by name, in the order of the scenario; `table` is the static one of the file."""
+
+    what = "clump"
 
     def __init__(self, result: RunData, table: Mapping[str, Any]) -> None:
         names = [str(name) for name in table["name"]]
         if names:
             _check(result, table, len(names))
-        self._clumps = {
-            name: Clump(result, k, {key: column[k] for key, column in table.items()})
-            for k, name in enumerate(names)
-        }
-
-    def __getitem__(self, name: str) -> Clump:
-        try:
-            return self._clumps[name]
-        except KeyError:
-            known = list(self._clumps)
-            raise UnknownName(f"no clump is called {name!r}; {did_you_mean(str(name), known[:20])}") from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._clumps)
-
-    def __len__(self) -> int:
-        return len(self._clumps)
-
-    def __repr__(self) -> str:
-        return f"<{counted(len(self), 'clump')}: {', '.join(self)}>"
+        rows = ({key: column[k] for key, column in table.items()} for k in range(len(names)))
+        super().__init__(
+            {name: Clump(result, k, row) for k, (name, row) in enumerate(zip(names, rows, strict=True))}
+        )
 
 
 def _check(result: RunData, table: Mapping[str, Any], count: int) -> None:

@@ -48,7 +48,7 @@ class UnfinishedRun(UserWarning):
     """The run did not reach its end, or has not yet; what is readable is whole."""
 
 
-class RunData(Frames):
+class RunData(Frames[Column]):
     """A run: its scene, T frames of N bodies, its impacts, contacts and steps.
 
     What was committed when the object was made is what it shows; load again to see more of a run in progress.
@@ -111,26 +111,6 @@ class RunData(Frames):
         return self._segments.column("frames", "step")
 
     @property
-    def position(self) -> Column:
-        """Centres, (T, N, 3), m."""
-        return self._segments.column("frames", "position")
-
-    @property
-    def orientation(self) -> Column:
-        """Unit quaternions, scalar part first, (T, N, 4): body frame to world frame."""
-        return self._segments.column("frames", "orientation")
-
-    @property
-    def velocity(self) -> Column:
-        """Velocities of the centres, (T, N, 3), m/s."""
-        return self._segments.column("frames", "velocity")
-
-    @property
-    def angular_velocity(self) -> Column:
-        """Angular velocities in the world frame, (T, N, 3), rad/s."""
-        return self._segments.column("frames", "angular_velocity")
-
-    @property
     def joint_impulse(self) -> Column:
         """Impulse at each joint and moment on its first body since the last frame, (T, J, 6), N s and N m s, in the world
         frame; over the time between frames it is the mean reaction. Without joints the shape is (T, 0, 6).
@@ -140,13 +120,11 @@ class RunData(Frames):
             return Column([(np.zeros((frames, 0, 6)), frames)], "N s, N m s")
         return self._segments.column("frames", "joint_impulse")
 
-    @property
-    def present(self) -> Column:
-        """Which bodies are there, (T, N): all, unless the scene has inflows or outlets."""
-        if "present" in self._segments.columns("frames"):
-            return self._segments.column("frames", "present")
-        shape = (len(self.time), len(self.names))
-        return Column([(np.broadcast_to(np.ones(1, dtype=bool), shape), shape[0])], "1")
+    def _quantity(self, name: str) -> Column:
+        if name == "present" and name not in self._segments.columns("frames"):
+            shape = (len(self.time), len(self.names))
+            return Column([(np.broadcast_to(np.ones(1, dtype=bool), shape), shape[0])], "1")
+        return self._segments.column("frames", name)
 
     # What the run is about.
 

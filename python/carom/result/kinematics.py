@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from carom.result.data import RunData
 
 _Pairs = TypeVar("_Pairs", Impacts, Contacts)
+A = TypeVar("A")
+"""An array, or a column that acts as one."""
 
 QUANTITIES = {
     "position": ("xyz", "m"),
@@ -57,17 +59,44 @@ class Part(NamedTuple):
         return type(self)(place, self.share[at], *(values[frames] for values in self[2:]))
 
 
-class Frames:
+class Motion(Generic[A]):
+    """How balls move. Arrays are (T, N, ...), T times and N balls: of one ball they have no N, of one time no T."""
+
+    @property
+    def position(self) -> A:
+        """Centres, (T, N, 3), m."""
+        return self._quantity("position")
+
+    @property
+    def orientation(self) -> A:
+        """Unit quaternions, scalar part first, (T, N, 4): body frame to world frame."""
+        return self._quantity("orientation")
+
+    @property
+    def velocity(self) -> A:
+        """Velocities of the centres, (T, N, 3), m/s."""
+        return self._quantity("velocity")
+
+    @property
+    def angular_velocity(self) -> A:
+        """Angular velocities in the world frame, (T, N, 3), rad/s."""
+        return self._quantity("angular_velocity")
+
+    @property
+    def present(self) -> A:
+        """Which balls are there, (T, N): all, unless the scene has inflows or outlets."""
+        return self._quantity("present")
+
+    def _quantity(self, name: str) -> A:
+        raise NotImplementedError
+
+
+class Frames(Motion[A]):
     """T frames of N balls, and what follows from them: momentum, energy by ball, tables for other programs."""
 
     # Given by those who derive from this; `Any` is an array, or a column that acts as one.
     time: Any
     step: Any
-    position: Any
-    orientation: Any
-    velocity: Any
-    angular_velocity: Any
-    present: Any
     bodies: Any
     impacts: Any
     gravity: Any
@@ -179,7 +208,7 @@ class Frames:
         return np.where(there, np.asarray(getattr(self, quantity)), 0.0)
 
 
-class Body:
+class Body(Motion[F64]):
     """One ball: `result["cue"].velocity` is (T, 3), `batch["cue"].velocity` (B, 3), `view["cue"].velocity` (3,).
 
     Below, T is the axis of what it is a ball of: frames, cases, or none.
@@ -202,49 +231,24 @@ class Body:
         return self._whole.time
 
     @property
-    def position(self) -> F64:
-        """Centre, (T, 3), m."""
-        return self._of("position")
-
-    @property
-    def orientation(self) -> F64:
-        """Unit quaternion, scalar part first, (T, 4)."""
-        return self._of("orientation")
-
-    @property
-    def velocity(self) -> F64:
-        """Velocity of the centre, (T, 3), m/s."""
-        return self._of("velocity")
-
-    @property
-    def angular_velocity(self) -> F64:
-        """Angular velocity in the world frame, (T, 3), rad/s."""
-        return self._of("angular_velocity")
-
-    @property
     def speed(self) -> Any:
         """Speed of the centre, (T,), m/s."""
         return np.linalg.norm(self.velocity, axis=-1)
 
     @property
-    def present(self) -> Any:
-        """Whether the ball is there, (T,)."""
-        return self._of("present")
-
-    @property
     def radius(self) -> float:
         """Radius, m."""
-        return float(self._of("radius"))
+        return float(self._quantity("radius"))
 
     @property
     def mass(self) -> float:
         """Mass, kg."""
-        return float(self._of("mass"))
+        return float(self._quantity("mass"))
 
     @property
     def inertia(self) -> float:
         """Moment of inertia about any diameter, kg m^2."""
-        return float(self._of("inertia"))
+        return float(self._quantity("inertia"))
 
     @property
     def impacts(self) -> Impacts:
@@ -253,7 +257,7 @@ class Body:
         number = self._whole._table_number(self.index)
         return impacts.where((np.asarray(impacts["body"]) == number).any(axis=1))
 
-    def _of(self, name: str) -> F64:
+    def _quantity(self, name: str) -> F64:
         found: F64 = self._whole._of_ball(name, self.index)
         return found
 
@@ -265,7 +269,7 @@ class Body:
         )
 
 
-class Selection(Frames):
+class Selection(Frames[F64]):
     """Some frames and some balls of a result. Arrays are read when they are asked for."""
 
     def __init__(self, result: RunData, frames: NDArray[np.intp], bodies: NDArray[np.intp]) -> None:
@@ -283,31 +287,6 @@ class Selection(Frames):
     def step(self) -> Array:
         """Steps after which the frames were taken, (T,)."""
         return np.asarray(self._result.step)[self._frames]
-
-    @property
-    def position(self) -> F64:
-        """Centres, (T, N, 3), m."""
-        return self._read("position")
-
-    @property
-    def orientation(self) -> F64:
-        """Unit quaternions, scalar part first, (T, N, 4)."""
-        return self._read("orientation")
-
-    @property
-    def velocity(self) -> F64:
-        """Velocities of the centres, (T, N, 3), m/s."""
-        return self._read("velocity")
-
-    @property
-    def angular_velocity(self) -> F64:
-        """Angular velocities in the world frame, (T, N, 3), rad/s."""
-        return self._read("angular_velocity")
-
-    @property
-    def present(self) -> Bool:
-        """Which balls are there, (T, N)."""
-        return self._read("present")
 
     @property
     def impacts(self) -> Impacts:
@@ -347,7 +326,7 @@ class Selection(Frames):
         span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no frames"
         return f"<part of {self._result.label!r}: {counted(len(self), 'frame')}, {span}; {shown}>"
 
-    def _read(self, quantity: str) -> Array:
+    def _quantity(self, quantity: str) -> Array:
         # The rows between are read in one piece: of a long file only what is needed, of a short one what is there already.
         if not len(self._frames):
             return np.asarray(getattr(self._result, quantity)[0:0])[:, self._bodies]

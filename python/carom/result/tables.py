@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from carom.arrays import Array
-from carom.errors import CaromError, did_you_mean, extra
+from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.result.record import Record
 from carom.result.record.layout import MEANINGS
 
@@ -18,10 +18,38 @@ if TYPE_CHECKING:
     import pandas
 
 
+V = TypeVar("V")
+
+
 class UnknownName(CaromError, KeyError):
     """A body, wall or column that is not there: a `KeyError` whose text reads as a sentence."""
 
     __str__ = CaromError.__str__
+
+
+class Named(Mapping[str, V]):
+    """Things by name, in their order; `what` is said of one of them in messages."""
+
+    what = ""
+
+    def __init__(self, things: Mapping[str, V]) -> None:
+        self._things = dict(things)
+
+    def __getitem__(self, name: str) -> V:
+        try:
+            return self._things[name]
+        except KeyError:
+            cure = did_you_mean(str(name), list(self)[:20])
+            raise UnknownName(f"no {self.what} is called {name!r}; {cure}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._things)
+
+    def __len__(self) -> int:
+        return len(self._things)
+
+    def __repr__(self) -> str:
+        return f"<{counted(len(self), self.what)}: {', '.join(self)}>"
 
 
 class Table:

@@ -6,7 +6,7 @@ Places follow from the laws of motion at the times of the frames; forces are mea
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.errors import CaromError, did_you_mean, quoted
+from carom.errors import CaromError, quoted
 from carom.result.record.opening import DAMAGED
 from carom.result.record.untrusted import first_line
 from carom.result.record.walls import PARAMETERS
-from carom.result.tables import UnknownName
+from carom.result.tables import Named
 from carom.scene.assembly.distances import gaps
 from carom.scene.assembly.rotations import rotated, rotated_back
 from carom.scene.assembly.triangles import Triangles
@@ -266,8 +266,10 @@ class Wall:
         return f"<wall {self.name!r}: {how} {self.shape}, {len(self.time)} frames>"
 
 
-class Walls(Mapping[str, Wall]):
+class Walls(Named[Wall]):
     """All walls of a result by name, in the order of the core: planes without end first, meshes last."""
+
+    what = "wall"
 
     def __init__(
         self,
@@ -280,22 +282,6 @@ class Walls(Mapping[str, Wall]):
             for table in tables
             for i in range(len(table["name"]))
         ]
-        self._walls = {
-            str(row["name"]): Wall(result, i, row, (meshes or {}).get(i)) for i, row in enumerate(rows)
-        }
-
-    def __getitem__(self, name: str) -> Wall:
-        try:
-            return self._walls[name]
-        except KeyError:
-            known = list(self._walls)
-            raise UnknownName(f"no wall is called {name!r}; {did_you_mean(str(name), known[:20])}") from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._walls)
-
-    def __len__(self) -> int:
-        return len(self._walls)
-
-    def __repr__(self) -> str:
-        return f"<{len(self)} walls: {', '.join(self)}>"
+        super().__init__(
+            {str(row["name"]): Wall(result, i, row, (meshes or {}).get(i)) for i, row in enumerate(rows)}
+        )

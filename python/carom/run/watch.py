@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from carom.arrays import F64, Bool
+from carom.arrays import F64, Array
 from carom.errors import CaromError
-from carom.result.kinematics import Body
+from carom.result.kinematics import Body, Motion
 from carom.run.loop import Sink
 from carom.scene.assembly.rotations import rotated_back
 from carom.scene.plan import Plan, thinned
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from carom.run.result import Result
 
 
-class State:
+class State(Motion[Array]):
     """The state of a simulation between two steps: `position` (N, 3), `["cue"].velocity` (3,). Arrays are read-only copies.
 
     Only what is asked for is fetched from the core.
@@ -46,34 +46,6 @@ class State:
     def time(self) -> float:
         """s."""
         return float(self._fetch_allowed().time)
-
-    @property
-    def position(self) -> F64:
-        """Centres, (N, 3), m; NaN for balls that are absent."""
-        return self._array("position")
-
-    @property
-    def orientation(self) -> F64:
-        """Unit quaternions, scalar part first, (N, 4)."""
-        return self._array("orientation")
-
-    @property
-    def velocity(self) -> F64:
-        """Velocities of the centres, (N, 3), m/s."""
-        return self._array("velocity")
-
-    @property
-    def angular_velocity(self) -> F64:
-        """Angular velocities in the world frame, (N, 3), rad/s."""
-        return self._array("angular_velocity")
-
-    @property
-    def present(self) -> Bool:
-        """Which balls are there, (N,): all, unless the scene has inflows or outlets."""
-        frame = self._fetch()
-        if "present" not in frame:
-            return np.ones(len(self.names), dtype=bool)
-        return np.array(frame["present"], dtype=bool)
 
     @property
     def free_walls(self) -> F64:
@@ -147,8 +119,10 @@ class State:
         values.flags.writeable = False
         return values
 
-    def _array(self, name: str) -> F64:
-        values = self._fetch()[name]
+    def _quantity(self, name: str) -> Array:
+        values = self._fetch().get(name)
+        if values is None:  # of `present`, where no ball comes or goes
+            return np.ones(len(self.names), dtype=bool)
         values.flags.writeable = False
         return values
 
