@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -135,17 +135,7 @@ class Builder:
         (or `at`) m; `velocity` m/s; `angular_velocity` rad/s in fixed axes; `orientation` unit quaternion, w
         first.
         """
-        given = {k: v for k, v in locals().items() if k not in ("self", "at")}
-        label = f"Scene.sphere({quoted(name)})"
-        if position is not None and at is not None:
-            raise ScenarioError(
-                [Problem(label, "at", "both position and at are given", "give one, they mean the same")]
-            )
-        sphere = make(Sphere, label, **{**given, "position": position if at is None else at})
-        self._take_name(name, label)
-        self.material(material)
-        self._tree.sphere.append(sphere)
-        return sphere
+        return self._add(Sphere, locals(), lambda sphere: [sphere.name])
 
     @explained
     def rack(
@@ -175,11 +165,7 @@ class Builder:
         Neighbours are `gap` m apart; `jitter` m moves each centre at random along each axis of the table,
         drawn with `seed`.
         """
-        given = {k: v for k, v in locals().items() if k != "self"}
-        rack = make(Rack, f"Scene.rack({quoted(name)})", **given)
-        self.material(material)
-        self._tree.rack.append(rack)
-        return rack
+        return self._add(Rack, locals())
 
     @explained
     def lattice(
@@ -206,11 +192,7 @@ class Builder:
         The balls are called `name` + number, x fastest; `jitter` m moves each centre at random along each
         axis, drawn with `seed`; `velocity` m/s is that of all balls.
         """
-        given = {k: v for k, v in locals().items() if k != "self"}
-        lattice = make(Lattice, f"Scene.lattice({quoted(name)})", **given)
-        self.material(material)
-        self._tree.lattice.append(lattice)
-        return lattice
+        return self._add(Lattice, locals())
 
     @explained
     def clump(
@@ -236,16 +218,7 @@ class Builder:
         mass in own axes, kg m^2, three moments or Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, and `centre` of mass m: by default those of
         the homogeneous body. `velocity` m/s of the centre of mass; `angular_velocity` rad/s in fixed axes.
         """
-        given = {k: v for k, v in locals().items() if k not in ("self", "at")}
-        label = f"Scene.clump({quoted(name)})"
-        if position is not None and at is not None:
-            raise ScenarioError(
-                [Problem(label, "at", "both position and at are given", "give one, they mean the same")]
-            )
-        clump = make(Clump, label, **{**given, "position": position if at is None else at})
-        self.material(material)
-        self._tree.clump.append(clump)
-        return clump
+        return self._add(Clump, locals())
 
     @explained
     def packing(
@@ -284,11 +257,7 @@ class Builder:
         `high`, and the axes that are `periodic`), "cylinder" (`point`, `axis`, `region_radius`, `length`) or "sphere"
         (`point`, `region_radius`). Lengths in m. `packed()` of what is returned holds the balls and the fraction reached.
         """
-        given = {k: v for k, v in locals().items() if k != "self"}
-        packing = make(Packing, f"Scene.packing({quoted(name)})", **given)
-        self.material(material)
-        self._tree.packing.append(packing)
-        return packing
+        return self._add(Packing, locals())
 
     @explained
     def clump_packing(
@@ -346,6 +315,25 @@ class Builder:
             for k, (place, turn) in enumerate(zip(packed.position, turns, strict=True), 1)
         ]
         self._tree.clump += made
+        return made
+
+    def _add(
+        self, table: type[_T], given: dict[str, Any], names: Callable[[_T], Iterable[str]] | None = None
+    ) -> _T:
+        """Add the table of a call with these `locals()`, and its material; `names`: those that no other may have."""
+        given.pop("self")
+        at = given.pop("at", None)
+        label = f"Scene.{table.section}({quoted(given['name'])})"
+        if at is not None and given["position"] is not None:
+            cause = "both position and at are given"
+            raise ScenarioError([Problem(label, "at", cause, "give one, they mean the same")])
+        if at is not None:
+            given["position"] = at
+        made = make(table, label, **given)
+        for name in names(made) if names is not None else ():
+            self._take_name(name, label)
+        self.material(given["material"])
+        getattr(self._tree, table.section).append(made)
         return made
 
     def _take_name(self, name: str, label: str) -> None:

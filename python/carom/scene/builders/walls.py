@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from carom.errors import quoted
 from carom.scene.arguments import explained
 from carom.scene.builders.balls import Builder, Number, Vector, make
 from carom.scene.tables.flow import Inflow, Outlet
 from carom.scene.tables.free import Free
 from carom.scene.tables.motion import Motion
-from carom.scene.tables.walls import BallWall, Box, Cone, Cylinder, Mesh, Plane, Wall
+from carom.scene.tables.walls import BallWall, Box, Cone, Cylinder, Mesh, Plane
 
 MotionLike = Motion | Mapping[str, Any]
 """`{"translation": [law, law, law], "rotation": {"axis", "point", "angle" or "rate"}, "surface_velocity": [x, y, z],
@@ -23,7 +22,6 @@ FreeLike = Free | Mapping[str, Any]
 """`{"mass": kg, "force": N}` or `{"mass": kg, "pressure": Pa, "area": m^2}`, both numbers or laws of the time `t`;
 `"velocity"` m/s at the start, `"weight": False` for a wall without weight.
 """
-_W = TypeVar("_W", bound=Wall)
 
 
 class Waller(Builder):
@@ -52,7 +50,7 @@ class Waller(Builder):
         With `free` it has a mass and moves along its normal, by its weight, by a force or a pressure, and by the balls that
         press it: `result.walls[name].position` and `velocity` say where it went.
         """
-        return self._wall(Plane, {k: v for k, v in locals().items() if k != "self"})
+        return self._add(Plane, locals(), Plane.wall_names)
 
     @explained
     def cylinder(
@@ -71,7 +69,7 @@ class Waller(Builder):
 
         `radius` m, `length` m (by default without end). Its ends are open: close them with discs (`plane` with `radius`).
         """
-        return self._wall(Cylinder, {k: v for k, v in locals().items() if k != "self"})
+        return self._add(Cylinder, locals(), Cylinder.wall_names)
 
     @explained
     def ball_wall(
@@ -85,7 +83,7 @@ class Waller(Builder):
         motion: MotionLike | None = None,
     ) -> BallWall:
         """Add a sphere as a wall, centre `point`, `radius` m; spheres live inside, unless `inside` is false."""
-        return self._wall(BallWall, {k: v for k, v in locals().items() if k != "self"})
+        return self._add(BallWall, locals(), BallWall.wall_names)
 
     @explained
     def cone(
@@ -105,7 +103,7 @@ class Waller(Builder):
 
         It goes from the ring of `radius` m around `point` to that of `radius_end` m, `length` m further along `axis`.
         """
-        return self._wall(Cone, {k: v for k, v in locals().items() if k != "self"})
+        return self._add(Cone, locals(), Cone.wall_names)
 
     @explained
     def box(
@@ -124,7 +122,7 @@ class Waller(Builder):
         The walls are called `name.low_x`, `name.high_x` ... `name.high_z`; sides in `open` have none. They are planes
         without end, or with `finite` rectangles that end at the edges.
         """
-        return self._wall(Box, {k: v for k, v in locals().items() if k != "self"})
+        return self._add(Box, locals(), Box.wall_names)
 
     @explained
     def mesh(
@@ -148,17 +146,7 @@ class Waller(Builder):
         are refused, or with `clean` left out. Raises `ScenarioError` for what cannot be read.
         """
         file = None if file is None else str(Path(file).absolute())
-        return self._wall(Mesh, {k: v for k, v in locals().items() if k != "self"})
-
-    def _wall(self, kind: type[_W], given: dict[str, Any]) -> _W:
-        name = given["name"]
-        label = f"Scene.{kind.section}({quoted(name)})"
-        wall = make(kind, label, **given)
-        for one in wall.wall_names():
-            self._take_name(one, label)
-        self.material(wall.material)
-        getattr(self._tree, kind.section).append(wall)
-        return wall
+        return self._add(Mesh, locals(), Mesh.wall_names)
 
     @explained
     def inflow(
@@ -195,11 +183,7 @@ class Waller(Builder):
         at most `spread` m/s. All have one `radius` or `diameter` m, or `sizes` and its keys as in `packing`, drawn with
         `seed`.
         """
-        given = {k: v for k, v in locals().items() if k != "self"}
-        inflow = make(Inflow, f"Scene.inflow({quoted(name)})", **given)
-        self.material(material)
-        self._tree.inflow.append(inflow)
-        return inflow
+        return self._add(Inflow, locals())
 
     @explained
     def outlet(self, *, low: Vector, high: Vector, inside: bool | None = None) -> Outlet:
