@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from carom import CaromError, granular
+from carom.arrays import connected
 from carom.granular import Ball, Box, Contacts, Cylinder, Snapshot, cells, layers
-from carom.measure.granular.contact import components
 from carom.measure.granular.cut import WHOLE, cap, corner, edge
 from carom.scene.packing.neighbours import pairs
 
@@ -327,7 +327,7 @@ def test_force_chains_of_two_rows() -> None:
 
 def test_components_of_a_graph() -> None:
     a, b = RANDOM.integers(0, 300, (2, 220))
-    label = components(300, a, b)
+    label = connected(300, a, b)
     np.testing.assert_array_equal(label[a], label[b])
     reach = np.eye(300, dtype=bool)
     reach[a, b] = reach[b, a] = True

@@ -16,11 +16,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.arrays import Array
+from carom.arrays import Array, connected
 from carom.audit import carried, flights, groups
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
-from carom.audit.hits import components
 from carom.audit.near import MARGIN, Near
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, dot
@@ -149,7 +148,7 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     linked = groups.linked(run)
     first = k * n + linked[a]
     second = np.where(b < n, k * n + linked[np.minimum(b, n - 1)], first)
-    group = components(block.count * n, first, second)[first]
+    group = connected(block.count * n, first, second)[first]
     size = np.bincount(group, minlength=block.count * n).reshape(block.count, n)
     for name, found in (("islands", (size > 0).sum(axis=1)), ("largest_island", size.max(axis=1, initial=0))):
         off = np.abs(found - run.steps[name][block.s1 - 1].astype(np.int64))

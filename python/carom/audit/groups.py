@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.arrays import I64, Bool
+from carom.arrays import I64, Bool, connected
 from carom.audit import carried, hits
 from carom.audit.block import Block, Rows, once
 from carom.audit.data import Run
-from carom.audit.hits import components
 
 REDONE = "joints, dampers and drag answer impulses of loads anew in an impact, and so the works of contacts do not add up"
 
@@ -59,7 +58,7 @@ def labels(block: Block) -> I64:
     a.append(bodies)
     b.append(np.full(len(given), n))
     at = np.concatenate(k) * (n + 1)
-    found = components(block.count * (n + 1), at + np.concatenate(a), at + np.concatenate(b))
+    found = connected(block.count * (n + 1), at + np.concatenate(a), at + np.concatenate(b))
     return found.reshape(block.count, n + 1)
 
 
@@ -76,7 +75,7 @@ def struck(block: Block) -> Bool:
         ball = table.b < n
         ends[0].append(table.k[ball] * n + table.a[ball])
         ends[1].append(table.k[ball] * n + table.b[ball])
-    label = components(block.count * n, *map(np.concatenate, ends))
+    label = connected(block.count * n, *map(np.concatenate, ends))
     found = np.zeros(len(label), dtype=bool)
     found[label[r.k * n + r.a]] = True
     return np.asarray(found[label].reshape(block.count, n))
@@ -90,7 +89,7 @@ def linked(run: Run) -> I64:
         if min(one.get("a", -1), one.get("b", -1)) >= 0
     ]
     links += [(clump.first, ball) for clump in run.clumps for ball in clump.balls]
-    return components(run.bodies, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
+    return connected(run.bodies, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
 
 
 @once

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Bool, connected
 from carom.audit.block import Block
 from carom.audit.report import Place
 from carom.audit.vectors import EPS, add_at, norm
@@ -108,24 +108,7 @@ def groups(block: Block, r: Hits) -> I64:
     second = np.where(r.b < run.bodies, r.k * run.bodies + run.linked[ball], first)
     nodes, where = np.unique(np.concatenate([first, second]), return_inverse=True)
     a, b = np.split(where, 2)
-    return np.asarray(np.unique(components(len(nodes), a, b)[a], return_inverse=True)[1])
-
-
-def components(count: int, a: I64, b: I64) -> I64:
-    """(count,) the lowest of all nodes that edges from `a` to `b` join each node with."""
-    label = np.arange(count)
-    while len(a):
-        low = np.minimum(label[a], label[b])
-        new = label.copy()
-        np.minimum.at(new, a, low)
-        np.minimum.at(new, b, low)
-        np.minimum.at(new, label[a], low)
-        np.minimum.at(new, label[b], low)
-        new = new[new]  # a label names a node, which may have a lower one by now
-        if np.array_equal(new, label):
-            break
-        label = new
-    return label
+    return np.asarray(np.unique(connected(len(nodes), a, b)[a], return_inverse=True)[1])
 
 
 def pairs(block: Block, r: Hits, group: I64) -> F64:

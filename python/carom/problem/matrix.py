@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from carom.arrays import F64, I64, Array
+from carom.arrays import F64, I64, Array, connected
 from carom.problem.errors import refuse
 
 #: Terms of a product that are held at once (32 bytes each).
@@ -220,15 +220,8 @@ def components(a: Csr) -> I64:
 
     Blocks are numbered in the order of their first rows.
     """
-    label = np.arange(a.shape[0])
-    while True:
-        low = label.copy()
-        np.minimum.at(low, a.rows, label[a.indices])
-        np.minimum.at(low, a.indices, label[a.rows])
-        low = low[low]  # the label of my label: chains shrink by half
-        if np.array_equal(low, label):
-            return np.unique(label, return_inverse=True)[1].reshape(-1)
-        label = low
+    found = connected(a.shape[0], a.rows, a.indices)
+    return np.unique(found, return_inverse=True)[1].reshape(-1)
 
 
 def blocks(a: Csr, label: I64) -> Iterator[tuple[I64, F64]]:

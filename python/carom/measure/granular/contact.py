@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Bool, connected
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
@@ -260,7 +260,7 @@ def force_chains(
     threshold = above * float(everything.mean())
     rows = all_pushing[everything >= threshold]
     inner = rows[c.second[rows] < n]
-    label = components(n, c.first[inner], c.second[inner])[c.first[rows]]
+    label = connected(n, c.first[inner], c.second[inner])[c.first[rows]]
     _, label, sizes = np.unique(label, return_inverse=True, return_counts=True)
     order = np.argsort(-sizes, kind="stable")
     rank = np.empty(len(order), np.int64)
@@ -280,19 +280,6 @@ def force_chains(
         share_of_force=float(c.push[rows].sum() / everything.sum()),
         _balls=n,
     )
-
-
-def components(n: int, a: I64, b: I64) -> I64:
-    """Of n things joined by pairs: the lowest number in the group of each, (n,)."""
-    label = np.arange(n)
-    while True:
-        low = np.minimum(label[a], label[b])
-        if (label[a] == label[b]).all():
-            return label
-        np.minimum.at(label, label[a], low)
-        np.minimum.at(label, label[b], low)
-        while (label[label] != label).any():
-            label = label[label]
 
 
 def _pushing(s: Snapshot, region: Region | None, walls: bool) -> tuple[F64, F64]:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Bool, connected
 from carom.errors import CaromError
-from carom.measure.granular.contact import components
 from carom.measure.granular.nearest import around, middle, opened
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import Snapshot, snapshot
@@ -172,7 +171,7 @@ def _deposit(s: Snapshot, loose: float) -> tuple[Snapshot, int]:
     there = s.present
     x, radius = s.position[there], s.radius[there]
     a, b = pairs(x, radius + loose * float(radius.mean()), s.period) if len(there) else (there, there)
-    label = components(len(there), a, b)
+    label = connected(len(there), a, b)
     main = label == np.bincount(label, minlength=1).argmax()
     return Snapshot(x[main], radius[main], gravity=s.gravity, period=s.period), int((~main).sum())
 
