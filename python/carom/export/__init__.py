@@ -19,8 +19,8 @@ from carom.files import inside
 from carom.result.data import RunData
 from carom.show.film.look import Look
 
-#: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for; those of `FILMS` take the
-#: `Look` as a third argument.
+#: Format: its module, which has `write(selection, directory) -> list[Path]`, and what it is for; that of `FILMS` has
+#: a function for each, which takes the `Look` as a third argument.
 FORMATS = {
     "vtkhdf": (
         "carom.export.vtkhdf",
@@ -37,9 +37,9 @@ FORMATS = {
         "carom.export.gsd",
         "OVITO, HOOMD, freud: one binary file of all frames, contacts as bonds (extra [export])",
     ),
-    "mp4": ("carom.export.mp4", "a film, H.264 (extra [video])"),
-    "gif": ("carom.export.gif", "a film for pages that play no other (extra [video])"),
-    "png": ("carom.export.png", "a still, or numbered pictures of a film (extra [video])"),
+    "mp4": ("carom.export.film", "a film, H.264 (extra [video])"),
+    "gif": ("carom.export.film", "a film for pages that play no other (extra [video])"),
+    "png": ("carom.export.film", "a still, or numbered pictures of a film (extra [video])"),
 }
 FILMS = ("mp4", "gif", "png")
 
@@ -86,7 +86,8 @@ def export(
     """
     check_format(format)
     selection = Selection.of(result, every=every, start=start, stop=stop, contacts=contacts)
-    write: Callable[..., list[Path]] = import_module(FORMATS[format][0]).write
+    name = format if format in FILMS else "write"
+    write: Callable[..., list[Path]] = getattr(import_module(FORMATS[format][0]), name)
     path = Path(directory) if directory is not None else inside(result.path, "export")
     if format not in FILMS:
         if look:

@@ -1,7 +1,8 @@
-"""Pictures of the run as PNG: one still, or all of a film, numbered."""
+"""A film of the run as MP4 or GIF, and pictures as PNG: a function per format."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from carom.export.atomic import whole_file, whole_folder
@@ -11,7 +12,24 @@ from carom.show.film.look import Look
 from carom.show.film.shoot import pictures
 
 
-def write(selection: Selection, directory: Path, look: Look) -> list[Path]:
+def mp4(selection: Selection, directory: Path, look: Look) -> list[Path]:
+    """`film.mp4`."""
+    return _film(selection, directory / "film.mp4", look, encode.mp4)
+
+
+def gif(selection: Selection, directory: Path, look: Look) -> list[Path]:
+    """`film.gif`."""
+    return _film(selection, directory / "film.gif", look, encode.gif)
+
+
+def _film(selection: Selection, path: Path, look: Look, into: Callable[..., None]) -> list[Path]:
+    encode.ffmpeg()  # a missing ffmpeg is reported before anything is drawn
+    with whole_file(path) as temporary:
+        into(pictures(selection, look), look, temporary)
+    return [path]
+
+
+def png(selection: Selection, directory: Path, look: Look) -> list[Path]:
     """`still-TIME.png` if the look has one time, else `pictures/00000.png` and so on."""
     if look.at is not None:
         path = directory / f"still-{look.at:g}s.png"
