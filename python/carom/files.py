@@ -6,11 +6,13 @@ in one goes through `inside` (folders of it) and `opened` (files of it), so noth
 
 from __future__ import annotations
 
+import csv
 import errno
+import io
 import json
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
@@ -64,6 +66,21 @@ def opened(path: Path, flags: int, mode: str) -> IO[bytes]:
     return os.fdopen(handle, mode)
 
 
+def lock(file: IO[Any], *, shared: bool = False) -> bool:
+    """Try to lock a file; True also where the system has no such locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True  # network file systems without locks
+    return True
+
+
 def write_new(path: Path, data: bytes | memoryview, *, durable: bool = False) -> None:
     """Write a file that nobody else has: what lies there under its name is removed first, be it a link."""
     path.unlink(missing_ok=True)
@@ -97,6 +114,13 @@ def json_bytes(content: Any, **options: Any) -> bytes:
     """A line of JSON. Names of files may be no text: Python has their bytes as lone surrogates, which JSON can escape."""
     text = json.dumps(content, ensure_ascii=False, **options) + "\n"
     return text.encode(errors="backslashreplace")
+
+
+def csv_bytes(rows: Iterable[Iterable[Any]]) -> bytes:
+    """Rows as CSV; a number is the shortest text that reads back as the same bits."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
 
 
 def finite(value: Any) -> Any:

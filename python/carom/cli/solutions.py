@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carom.cli.output import seconds
 from carom.errors import counted, one_line
-from carom.files import write_whole
+from carom.files import csv_bytes, write_whole
 from carom.text import columns, table
 
 if TYPE_CHECKING:
@@ -116,7 +114,7 @@ def profile_of(done: Sequence[Attempt], names: Sequence[str]) -> Profile:
 def write(done: Sequence[Attempt], names: Sequence[str], out: Path, formats: Sequence[str]) -> list[Path]:
     """`results.csv`, and of several problems the profiles as figures with their numbers."""
     files = [out / "results.csv"]
-    write_whole(files[0], _csv(done).encode(), durable=False, parents=True)
+    write_whole(files[0], csv_bytes(_rows(done)), durable=False, parents=True)
     profile = profile_of(done, names)
     if profile.problems > 1:
         from carom.show.plot import profile as drawn
@@ -221,18 +219,15 @@ def _ranking(solvers: Mapping[str, Mapping[str, Any]]) -> str:
     return table(rows)
 
 
-def _csv(done: Sequence[Attempt]) -> str:
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
+def _rows(done: Sequence[Attempt]) -> Iterator[Sequence[Any]]:
     columns = ("title", "form", "contacts", "dimension", "rows", "entries")
     found = ("iterations", "wall_s", "err")
-    writer.writerow(("file", *columns, "solver", *found, "finished by", "verdict", "error"))
+    yield ("file", *columns, "solver", *found, "finished by", "verdict", "error")
     for a in done:
         solution = a.solution or {}
         row = [a.name, *(a.facts.get(key, "") for key in columns), a.solver]
         row += [solution.get(key, "") for key in found]
-        writer.writerow([*row, a.finished, a.verdict, a.error])
-    return buffer.getvalue()
+        yield [*row, a.finished, a.verdict, a.error]
 
 
 def _cut(name: str) -> str:

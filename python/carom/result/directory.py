@@ -24,7 +24,17 @@ from pathlib import Path
 from typing import IO, Any
 
 from carom.errors import CaromError
-from carom.files import RecordError, first_link, json_bytes, opened, reason, regular, unwritable, write_whole
+from carom.files import (
+    RecordError,
+    first_link,
+    json_bytes,
+    lock,
+    opened,
+    reason,
+    regular,
+    unwritable,
+    write_whole,
+)
 
 #: What a run writes, and all that `--force` removes: a file that is not Carom's own is never deleted. Wherever a removal is
 #: stopped the rest is in order: checkpoints go before the results that they continue, the scenario after both, and last
@@ -217,7 +227,7 @@ class RunDir:
                 ) from error
             raise RecordError(f"cannot write {self.log_file}: {unwritable(error)}") from error
         try:
-            if not any(_lock(self._log, shared=False) for _ in _attempts()):
+            if not any(lock(self._log) for _ in _attempts()):
                 raise CaromError(
                     f"{self.path} is being written by another process; wait for it, or interrupt it first"
                 )
@@ -233,7 +243,7 @@ class RunDir:
         """Whether the process that writes this run still lives (on this machine)."""
         try:
             with open(regular(self.log_file), encoding="utf-8") as log:
-                return not _lock(log, shared=True)
+                return not lock(log, shared=True)
         except OSError:
             return False
 
@@ -287,18 +297,3 @@ def _attempts() -> Iterator[None]:
 
 def _literal(stem: str) -> str:
     return "".join(f"[{c}]" if c in "*?[" else c for c in stem)
-
-
-def _lock(file: IO[str], *, shared: bool) -> bool:
-    """Try to lock a file; True also where the system has no such locks."""
-    try:
-        import fcntl
-    except ImportError:
-        return True
-    try:
-        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True  # network file systems without locks
-    return True

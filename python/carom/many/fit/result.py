@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +12,7 @@ import numpy as np
 import carom
 from carom.arrays import F64
 from carom.errors import CaromError, counted
-from carom.files import finite, inside, json_bytes, write_whole
+from carom.files import csv_bytes, finite, inside, json_bytes, write_whole
 from carom.many.fit import plot
 from carom.many.fit.calibration import Calibration
 from carom.many.fit.intervals import told
@@ -203,11 +201,8 @@ class Fit:
     def write(self) -> None:
         """Write `fit.json` and `residuals.csv`; `carom.fit` has done so."""
         write_whole(inside(self.path, "fit.json"), json_bytes(finite(self.summary), indent=2), durable=False)
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(self.residuals)
-        writer.writerows(zip(*self.residuals.values(), strict=True))
-        write_whole(inside(self.path, "residuals.csv"), text.getvalue().encode(), durable=False)
+        rows = csv_bytes([self.residuals, *zip(*self.residuals.values(), strict=True)])
+        write_whole(inside(self.path, "residuals.csv"), rows, durable=False)
 
     def plot(self, directory: str | Path | None = None, formats: Sequence[str] = ("png",)) -> list[Path]:
         """Measured beside fitted values, residuals, and the path of the search, to `plots` in the folder."""

@@ -23,7 +23,7 @@ import numpy as np
 from carom.arrays import Array
 from carom.errors import CaromError
 from carom.export.parquet import require_pyarrow
-from carom.files import RecordError, inside, json_bytes, opened, regular, unwritable, write_whole
+from carom.files import RecordError, inside, json_bytes, lock, opened, regular, unwritable, write_whole
 from carom.many.sweep import origin
 from carom.many.sweep.study import Study
 from carom.result.kinematics import QUANTITIES
@@ -61,11 +61,11 @@ class Folder:
             if self.path.exists() and not self.parts.exists() and any(self.path.iterdir()):
                 raise CaromError(f"{self.path} holds other files and no study; choose another with -o")
             inside(self.path, "parts").mkdir(parents=True, exist_ok=True)
-            lock = opened(self.parts / ".lock", os.O_WRONLY | os.O_APPEND | os.O_CREAT, "ab")
+            held = opened(self.parts / ".lock", os.O_WRONLY | os.O_APPEND | os.O_CREAT, "ab")
         except OSError as error:
             raise RecordError(f"cannot write {self.path}: {unwritable(error)}") from error
-        with lock:
-            if not _locked(lock):
+        with held:
+            if not lock(held):
                 raise CaromError(
                     f"{self.path} is being computed by another process; wait for it, or interrupt it first"
                 )
@@ -216,15 +216,3 @@ def _unit_of(name: str) -> str:
     """The unit of `cue.velocity.x`, at the end or (`cue.velocity.x.start`) as it was given."""
     parts = name.removesuffix(".start").split(".")
     return UNITS.get(parts[-2], "1") if len(parts) > 2 else "1"
-
-
-def _locked(file: Any) -> bool:
-    try:
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except (ImportError, OSError):  # a system or file system without locks
-        return True
-    return True

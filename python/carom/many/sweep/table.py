@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +12,7 @@ import numpy as np
 import carom
 from carom.arrays import Array, Bool
 from carom.errors import CaromError, counted, did_you_mean, extra
-from carom.files import inside, write_whole
+from carom.files import csv_bytes, inside, write_whole
 from carom.many.sweep.origin import COLUMNS, Origin, tally
 from carom.many.sweep.plot import histograms, places, responses
 from carom.show.plot import require_matplotlib
@@ -129,13 +127,9 @@ class Sweep:
         if self.table is None:
             raise CaromError(f"{self.path}: no case is there yet, so there is no table to write")
         chosen = list(columns) or self.columns
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        values = [self[name].tolist() for name in chosen]
-        writer.writerow(self.label(name) for name in chosen)
-        writer.writerows(zip(*values, strict=True))
+        rows = zip(*(self[name].tolist() for name in chosen), strict=True)
         file = Path(path) if path is not None else self.path / "sweep.csv"
-        write_whole(file, text.getvalue().encode(), durable=False, parents=True)
+        write_whole(file, csv_bytes([map(self.label, chosen), *rows]), durable=False, parents=True)
         return file
 
     def plot(

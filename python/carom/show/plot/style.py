@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.errors import CaromError, did_you_mean
-from carom.files import write_whole
+from carom.files import csv_bytes, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -132,14 +131,6 @@ def save(chart: Chart, directory: Path, name: str, formats: Sequence[str]) -> li
             files.append(directory / f"{name}.{chosen}")
             write_whole(files[-1], buffer.getbuffer(), durable=False, parents=True)
     files.append(directory / f"{name}.csv")
-    write_whole(files[-1], _csv(chart.data).encode(), durable=False, parents=True)
+    rows = zip(*(np.asarray(column).tolist() for column in chart.data.values()), strict=True)
+    write_whole(files[-1], csv_bytes([chart.data, *rows]), durable=False, parents=True)
     return files
-
-
-def _csv(data: Mapping[str, Array]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(data)
-    # Python writes the shortest number that reads back as the same bits.
-    writer.writerows(zip(*(np.asarray(column).tolist() for column in data.values()), strict=True))
-    return text.getvalue()
