@@ -7,6 +7,7 @@ images beyond the other face.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
@@ -19,6 +20,7 @@ from carom.scene.packing.periodic import PeriodicBox
 TOUCHING = 1e-6
 
 _SIDE = 1 << 20  # cells along an axis at most: three of them fit one integer
+_AT_ONCE = 1 << 17  # balls whose neighbours are looked for at once: some 100 MB
 _ALL = np.array(
     list(product((-1, 0, 1), repeat=2))
 )  # columns of cells around one, by their steps along x and y
@@ -76,14 +78,17 @@ def _near(position: F64, reach: F64, real: int) -> tuple[I64, I64]:
     for size in np.unique(level):
         members = np.flatnonzero(level == size)
         smaller = np.flatnonzero(level < size)
-        width = max(2.0 * float(reach[members].max()), extent / _SIDE, np.finfo(float).tiny)
-        cell = np.floor((position - low) / width).astype(np.int64) + 1  # a layer of empty cells around
+        width = max(2.0 * float(reach[members].max()), np.finfo(float).tiny)
+        cells = np.floor((position - low) / width) + 1.0  # a layer of empty cells around
+        if extent > _SIDE * width:
+            cells = np.stack([_closed_up(column) for column in cells.T], axis=1)
+        cell = cells.astype(np.int64)
         sides = cell.max(axis=0) + 2
         keys = (cell[:, 0] * sides[1] + cell[:, 1]) * sides[2] + cell[:, 2]
         order = np.argsort(keys[members], kind="stable")
         members = members[order]
         sorted_keys = keys[members]
-        for queries, same in ((members, True), (smaller, False)):
+        for queries, same, first in _some(members, smaller):
             # Cells along z follow one another in the keys: a column of three is one range. Of one class the other half of
             # the columns sees these pairs from the other side.
             columns = _HALF if same else _ALL
@@ -91,7 +96,7 @@ def _near(position: F64, reach: F64, real: int) -> tuple[I64, I64]:
             lo = np.searchsorted(sorted_keys, wanted - 1, side="left")
             hi = np.searchsorted(sorted_keys, wanted + 1, side="right")
             if same:
-                lo[0] = np.arange(1, len(queries) + 1)  # each pair of the own column once
+                lo[0] = np.arange(first + 1, first + len(queries) + 1)  # each pair of the own column once
             counts = (hi - lo).ravel()
             this = np.repeat(np.tile(queries, len(columns)), counts)
             start = np.repeat(lo.ravel() - (np.cumsum(counts) - counts), counts)
@@ -102,3 +107,16 @@ def _near(position: F64, reach: F64, real: int) -> tuple[I64, I64]:
             near &= (this < real) | (other < real)
             found.append((this[near], other[near]))
     return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
+
+
+def _some(members: I64, smaller: I64) -> Iterator[tuple[I64, bool, int]]:
+    """Balls that look for others, `_AT_ONCE` at a time: whether they are of the class itself, and the place of the first."""
+    for queries, same in ((members, True), (smaller, False)):
+        for first in range(0, len(queries), _AT_ONCE):
+            yield queries[first : first + _AT_ONCE], same, first
+
+
+def _closed_up(cell: F64) -> F64:
+    """Numbers of cells along an axis, from 1 on, with one empty cell in place of several."""
+    values, place = np.unique(cell, return_inverse=True)
+    return (1.0 + np.cumsum(np.minimum(np.diff(values, prepend=values[0]), 2.0)))[place]
