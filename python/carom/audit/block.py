@@ -187,10 +187,19 @@ class Block:
         ):
             tally.skip(kind, why, cure, int(chosen.sum()))
 
+    def per_pair(self, k: I64, a: I64, b: I64) -> Callable[[int], Place]:
+        """The places of pairs of bodies (K,) at the ends of the intervals `k`."""
+        return lambda i: self.place(int(k[i]), int(a[i]), int(b[i]))
+
     def per_body(self, flat: int) -> Place:
         """The place of an entry of a (B, N) array."""
         k, body = divmod(flat, self.run.bodies)
         return self.place(k, body)
+
+    def per_wall(self, flat: int) -> Place:
+        """The place of an entry of a (B, W) array, of all walls."""
+        k, wall = divmod(flat, len(self.run.free_walls) + self.run.given_walls)
+        return self.place(k, self.run.balls + wall)
 
     def per_clump(self, flat: int) -> Place:
         """The place of an entry of a (B, C) array."""

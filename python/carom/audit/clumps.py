@@ -117,9 +117,8 @@ class _Clump:
         self._tell(tally, "rotation", *self._rotation(), known & turning)
 
     def _tell(self, tally: Tally, kind: str, value: F64, bound: F64, known: Bool) -> None:
-        rows, block = np.flatnonzero(known), self.block
-        first = self.clump.first
-        tally.measure(kind, value[rows], bound[rows], lambda i: block.place(int(rows[i]), first))
+        block, first = self.block, self.clump.first
+        tally.measure(kind, value, bound, lambda k: block.place(k, first), known)
 
     def _of_balls(self, values: F64) -> F64:
         """Sums (B, ...) over its balls."""

@@ -101,8 +101,8 @@ def _histories(run: Run, tally: Tally) -> None:
     )
     beyond += np.maximum(0, contacts - s["candidates"][step - 1].astype(np.int64))
     beyond += np.diff(step * len(LEVELS) + level, prepend=0) <= 0
-    whole = np.flatnonzero(~run.cut[step - 1] & (s["fallbacks"][step - 1] == 0))
-    tally.measure("counts", beyond[whole], 0.0, lambda i: run.step_place(int(step[whole[i]])))
+    whole = ~run.cut[step - 1] & (s["fallbacks"][step - 1] == 0)
+    tally.measure("counts", beyond, 0.0, lambda i: run.step_place(int(step[i])), whole)
 
 
 def of_frames(block: Block, near: Near, tally: Tally) -> None:
@@ -110,9 +110,8 @@ def of_frames(block: Block, near: Near, tally: Tally) -> None:
     run = block.run
     if run.has_contacts:
         rows = np.bincount(block.rows.k, minlength=block.count)
-        kept = np.flatnonzero(block.single & block.kept)
         off = np.maximum(0, rows - run.steps["contacts"][block.s1 - 1].astype(np.int64))
-        tally.measure("counts", off[kept], 0.0, lambda i: block.place(int(kept[i])))
+        tally.measure("counts", off, 0.0, block.place, block.single & block.kept)
     _closed(block, near, tally)
     _candidates(block, near, tally)
     _penetration(block, near, tally)
@@ -141,9 +140,8 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     least, doubt = (np.bincount(keys // many**2, minlength=block.count) for keys in (sure, open_ones))
     told = run.steps["contacts"][block.s1 - 1].astype(np.int64)
     off = np.maximum(0, np.maximum(least - told, told - least - doubt))
-    rows = np.flatnonzero(judged)
-    tally.measure("counts", off[rows], 0.0, lambda i: block.place(int(rows[i])))
-    rows = np.flatnonzero(judged & (doubt == 0) & (off == 0))
+    tally.measure("counts", off, 0.0, block.place, judged)
+    sound = judged & (doubt == 0) & (off == 0)
     a, b = sure // many % many, sure % many
     linked = groups.linked(run)
     first = k * n + linked[a]
@@ -152,7 +150,7 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     size = np.bincount(group, minlength=block.count * n).reshape(block.count, n)
     for name, found in (("islands", (size > 0).sum(axis=1)), ("largest_island", size.max(axis=1, initial=0))):
         off = np.abs(found - run.steps[name][block.s1 - 1].astype(np.int64))
-        tally.measure("counts", off[rows], 0.0, lambda i: block.place(int(rows[i])))
+        tally.measure("counts", off, 0.0, block.place, sound)
 
 
 def _candidates(block: Block, near: Near, tally: Tally) -> None:
@@ -180,8 +178,7 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     told = run.steps["candidates"][block.s1 - 1].astype(np.int64)
     more = run.steps["relisted"][block.s1 - 1] > 0
     off = np.maximum(0, np.maximum(least - told, np.where(more, 0, told - most)))
-    rows = np.flatnonzero(block.single & block.there.all(axis=1))
-    tally.measure("counts", off[rows], 0.0, lambda i: block.place(int(rows[i])))
+    tally.measure("counts", off, 0.0, block.place, block.single & block.there.all(axis=1))
 
 
 def _penetration(block: Block, near: Near, tally: Tally) -> None:
@@ -223,6 +220,6 @@ def _entered(block: Block, tally: Tally) -> None:
     found, size = np.zeros(block.count), np.zeros(block.count)
     np.add.at(found, k, motion - height)
     np.add.at(size, k, motion + np.abs(height))
-    here = np.unique(k)
-    value = np.abs(found - run.steps["energy_in"][block.s1 - 1])[here]
-    tally.measure("energy record", value, 64.0 * EPS * size[here], lambda i: block.place(int(here[i])))
+    value = np.abs(found - run.steps["energy_in"][block.s1 - 1])
+    here = np.isin(np.arange(block.count), k)
+    tally.measure("energy record", value, 64.0 * EPS * size, block.place, here)

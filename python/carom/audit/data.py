@@ -451,21 +451,19 @@ class Run:
     @cached_property
     def top_speeds(self) -> F64:
         """(N,) largest speed of each body at any frame, m/s; where frames leave out steps at most that of all energy."""
-        best = np.zeros(self.bodies)
+        best = self._fastest(0)
         if len(self.steps["step"]) >= self.frames:
-            best += np.sqrt(2.0 * self.steps["energy_kinetic"].max(initial=0.0) / self.mass)
-        size = max(1, 1_000_000 // self.bodies)
-        for first in range(0, self.frames, size):
-            v = np.nan_to_num(self.state(slice(first, first + size))[1])
-            best = np.maximum(best, norm(v).max(axis=0))
+            best = np.maximum(best, np.sqrt(2.0 * self.steps["energy_kinetic"].max(initial=0.0) / self.mass))
         return best
 
     @cached_property
     def top_speeds_later(self) -> F64:
         """(N,) the same at frames after the start."""
-        best = np.zeros(self.bodies)
-        size = max(1, 1_000_000 // self.bodies)
-        for first in range(1, self.frames, size):
+        return self._fastest(1)
+
+    def _fastest(self, begin: int) -> F64:
+        best, size = np.zeros(self.bodies), max(1, 1_000_000 // self.bodies)
+        for first in range(begin, self.frames, size):
             v = np.nan_to_num(self.state(slice(first, first + size))[1])
             best = np.maximum(best, norm(v).max(axis=0))
         return best

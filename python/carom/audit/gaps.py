@@ -11,7 +11,7 @@ from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, deepest
 from carom.audit.rates import Pairs, compliance, rates
-from carom.audit.report import Place, Tally
+from carom.audit.report import Tally
 from carom.audit.vectors import EPS, norm
 
 
@@ -20,8 +20,7 @@ def penetration(block: Block, near: Near, tally: Tally) -> None:
     run = block.run
     bound = deepest(run, block, near.k, near.a, near.b)
     value = np.maximum(0.0, -near.gap1)
-    tally.measure("penetration", value, bound,
-                  lambda i: block.place(int(near.k[i]), int(near.a[i]), int(near.b[i])))  # fmt: skip
+    tally.measure("penetration", value, bound, block.per_pair(near.k, near.a, near.b))
 
 
 def recorded(block: Block, tally: Tally) -> None:
@@ -32,7 +31,7 @@ def recorded(block: Block, tally: Tally) -> None:
     """
     run, c = block.run, block.rows
     off = np.abs(norm(c.normal) - 1.0)
-    tally.measure("normal", off, 16.0 * EPS, lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))
+    tally.measure("normal", off, 16.0 * EPS, block.per_pair(c.k, c.a, c.b))
     if run.method == "penalty":
         for kind in ("gap", "normal"):
             tally.skip(kind, "penalty records them within its substeps", "use nsga or moreau", len(c))
@@ -47,10 +46,7 @@ def recorded(block: Block, tally: Tally) -> None:
         normal = _middle(block)[1][rows]
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)[rows] + run.radius[c.a[rows]]
     extent = extent + run.box.rounding(block.t1[c.k[rows]])
-
-    def place(i: int) -> Place:
-        return block.place(int(c.k[rows[i]]), int(c.a[rows[i]]), int(c.b[rows[i]]))
-
+    place = block.per_pair(c.k[rows], c.a[rows], c.b[rows])
     tally.measure("gap", np.abs(c.gap[rows] - gap), 16.0 * EPS * extent, place)
     smallest = run.radius[c.a[rows]]
     bound = 16.0 * EPS * (1.0 + extent / smallest)
@@ -121,13 +117,10 @@ def complementarity(block: Block, tally: Tally) -> None:
         taken |= (c.b == run.bodies + w) & wall.there(block.t0[c.k]) & ~wall.there(block.t1[c.k]) & ~single
     tally.skip("complementarity", "the wall was taken away between the frames", "every = 1 in [record]",
                int(taken.sum()))  # fmt: skip
-    keep = np.flatnonzero(
-        (block.there[c.k, c.a] & block.there[c.k, ball] | (c.b >= run.bodies) & block.there[c.k, c.a])
-        & ~taken
-    )
-    value = np.maximum(gap[keep], 0.0)
-    tally.measure("complementarity", np.where(np.isinf(value), 1e300, value), bound[keep],
-                  lambda i: block.place(int(c.k[keep[i]]), int(c.a[keep[i]]), int(c.b[keep[i]])))  # fmt: skip
+    there = block.there[c.k, c.a] & (block.there[c.k, ball] | (c.b >= run.bodies))
+    value = np.maximum(gap, 0.0)
+    value = np.where(np.isinf(value), 1e300, value)
+    tally.measure("complementarity", value, bound, block.per_pair(c.k, c.a, c.b), there & ~taken)
 
 
 def approach(block: Block, near: Near, tally: Tally) -> None:

@@ -205,7 +205,6 @@ def _sign(block: Block, tally: Tally, r: Hits) -> None:
     if run.friction_varies:
         return
     mu = run.friction(run.law_index(r.a, r.b), np.zeros(len(r)))
-    kept = np.flatnonzero(~loose)
     other = np.minimum(r.b, run.bodies - 1)
     _, start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])
     impulse = r.impulse
@@ -217,16 +216,15 @@ def _sign(block: Block, tally: Tally, r: Hits) -> None:
     excess = np.minimum(*(norm(p.sliding) - mu * np.maximum(p.normal, 0.0) for p in parts))
     whole = np.sqrt(np.bincount(r.k, size * size, minlength=block.count))[r.k]
     bound = 8.0 * block.tolerance[r.k] * whole * (1.0 + mu) + 16.0 * EPS * size
-    tally.measure("friction cone", np.maximum(excess, 0.0)[kept], bound[kept], lambda i: place(int(kept[i])))
+    tally.measure("friction cone", np.maximum(excess, 0.0), bound, place, ~loose)
     if run.method != "penalty":
         # Who has all of the friction that the bound allows slips, and nobody else; rows of piles may be of either frame.
         room = np.stack([mu * np.maximum(p.normal, 0.0) * (1.0 - 1e-12) - norm(p.sliding) for p in parts])
         off = np.select(
             [r.status == 1, r.status == 2], [np.maximum(-room, 0.0), np.maximum(room, 0.0)], np.inf
         )
-        told = np.flatnonzero(~loose & ~block.cascaded[r.k] & ~block.companion[r.k])
-        value = np.min(off, axis=0)[told]
-        tally.measure("slip", value, (64.0 * EPS * size)[told], lambda i: place(int(told[i])))
+        sure = ~loose & ~block.cascaded[r.k] & ~block.companion[r.k]
+        tally.measure("slip", np.min(off, axis=0), 64.0 * EPS * size, place, sure)
 
 
 def _recorded(block: Block, tally: Tally, r: Hits) -> None:

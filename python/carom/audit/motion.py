@@ -15,7 +15,7 @@ rounding.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -89,7 +89,9 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
     ]
     for k, kind in enumerate(("position", "rotation")):
         value = np.minimum(*(norm(off[..., 3 * k : 3 * k + 3]) for off, _ in found))
-        _take(block, tally, kind, value, found[0][1][..., k], turning if kind == "rotation" else known)
+        tally.measure(
+            kind, value, found[0][1][..., k], block.per_body, turning if kind == "rotation" else known
+        )
 
 
 def _untouched(block: Block, free: Bool) -> Bool:
@@ -119,13 +121,6 @@ def rounding(block: Block) -> F64:
     return np.asarray(EPS * ((swept * (8.0 + 2.0 * block.updates))[:, None] + count * sums[:, None]))
 
 
-def _take(block: Block, tally: Tally, kind: str, value: F64, bound: F64, known: Bool) -> None:
-    chosen = np.flatnonzero(known)
-    tally.measure(
-        kind, value.ravel()[chosen], bound.ravel()[chosen], lambda i: block.per_body(int(chosen[i]))
-    )
-
-
 def largest(block: Block) -> F64:
     """(B, 1) largest impulse of a contact in each interval, N s: sums and cancellations in sweeps have its rounding."""
     found = np.zeros(block.count)
@@ -141,7 +136,7 @@ def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) ->
     value = norm(m * (block.v1 - block.v0) - weight - given - s.impulse)
     size = m[:, 0] * (norm(block.v0) + norm(block.v1)) + norm(weight) + norm(given) + s.size
     size = size + largest(block)
-    _take(block, tally, "momentum", value, rounding(block) * size + loads.slack[..., 0], known)
+    tally.measure("momentum", value, rounding(block) * size + loads.slack[..., 0], block.per_body, known)
 
 
 def _recorded_on_walls(block: Block) -> F64 | None:
@@ -152,9 +147,9 @@ def _recorded_on_walls(block: Block) -> F64 | None:
     return np.asarray(segments.column("frames", "walls")[block.first : block.first + block.count])
 
 
-def _places(block: Block, k: I64, body: int) -> Callable[[int], Place]:
-    """Places of a body at the ends of the intervals `k`."""
-    return lambda i: block.place(int(k[i]), body)
+def _of_wall(block: Block, body: int, k: int) -> Place:
+    """The place of a body at the end of an interval."""
+    return block.place(k, body)
 
 
 def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) -> Bool:
@@ -172,8 +167,7 @@ def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) ->
         value = np.abs(m * (speeds[1] - speeds[0]) - weight - of_load - of_contacts)
         size = m * (np.abs(speeds[0]) + np.abs(speeds[1])) + np.abs(weight) + loads.spread[:, body, 0]
         bound = rounding(block)[:, body] * (size + norm(given[:, w, :3])) + loads.slack[:, body, 0]
-        rows = np.flatnonzero(judged[:, w])
-        tally.measure("momentum", value[rows], bound[rows], _places(block, rows, body))
+        tally.measure("momentum", value, bound, partial(_of_wall, block, body), judged[:, w])
     return judged
 
 
@@ -188,7 +182,7 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touche
     size = size + np.where(touched, run.radius * run.mass * norm(run.gravity), 0.0) * block.dt[:, None]
     size = size + np.where(touched, run.radius * largest(block), 0.0)
     bound = rounding(block) * size + loads.slack[..., 1] + s.turned
-    _take(block, tally, "spin", value, bound, known)
+    tally.measure("spin", value, bound, block.per_body, known)
 
 
 def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) -> tuple[F64, F64]:
@@ -215,8 +209,8 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
     bound = rounding(block) * size + loads.shift_slack[..., 0] + np.where(known, 0.0, given)
     if run.method == "penalty":  # it has no position level
         c = block.rows
-        tally.measure("position", norm(c.position_impulse) / run.mass[c.a], 0.0,
-                      lambda i: block.place(int(c.k[i]), int(c.a[i]), int(c.b[i])))  # fmt: skip
+        given = norm(c.position_impulse) / run.mass[c.a]
+        tally.measure("position", given, 0.0, block.per_pair(c.k, c.a, c.b))
     left = block.left(norm(block.rows.position_impulse)) + block.floor
     left = left[:, None] / run.mass
     reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
@@ -291,10 +285,8 @@ def walls(block: Block, tally: Tally) -> None:
         * size
         * np.sqrt(1.0 + np.bincount(c.k, minlength=block.count))[:, None]
     )
-    count = given.shape[1]
-    kept = np.flatnonzero(np.broadcast_to((block.kept & known)[:, None], value.shape))
-    tally.measure("wall impulse", value.ravel()[kept], bound.ravel()[kept],
-                  lambda i: block.place(int(kept[i]) // count, run.balls + int(kept[i]) % count))  # fmt: skip
+    judged = np.broadcast_to((block.kept & known)[:, None], value.shape)
+    tally.measure("wall impulse", value, bound, block.per_wall, judged)
     _wall_moments(block, tally, given, rows)
 
 
@@ -323,10 +315,7 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     if run.cohesive:
         _pulled_moments(block, summed, size)
     value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size
-    count = given.shape[1]
-    kept = np.flatnonzero(np.broadcast_to(judged[:, None], value.shape))
-    tally.measure("wall moment", value.ravel()[kept], bound.ravel()[kept],
-                  lambda i: block.place(int(kept[i]) // count, run.balls + int(kept[i]) % count))  # fmt: skip
+    tally.measure("wall moment", value, bound, block.per_wall, np.broadcast_to(judged[:, None], value.shape))
 
 
 def _place_of(block: Block, w: int, k: I64) -> F64:
@@ -373,8 +362,7 @@ def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
     size = (mass * (norm(v0) + norm(v1))).sum(axis=1) + norm(given[..., :3]).sum(axis=1)
     bound = EPS * (16.0 + 2.0 * block.updates) * (size + norm(weight)) * np.sqrt(run.bodies)
     bound = bound + (mass * of_box.slack[:, bodies]).sum(axis=1)
-    kept = np.flatnonzero(judged)
-    tally.measure("wall impulse", value[kept], bound[kept], lambda i: block.place(int(kept[i])))
+    tally.measure("wall impulse", value, bound, block.place, judged)
 
 
 def kinetic(block: Block) -> tuple[F64, F64]:

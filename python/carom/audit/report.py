@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from carom.arrays import F64
+from carom.arrays import F64, Bool
 from carom.audit.kinds import KINDS, Kind
 from carom.errors import did_you_mean
 from carom.result.tables import UnknownName
@@ -151,20 +151,25 @@ class Tally:
         self.verdicts = {name: Verdict(kind) for name, kind in KINDS.items()}
         self._skipped: dict[tuple[str, str, str], int] = {}
 
-    def measure(self, kind: str, value: Any, bound: Any, place: Callable[[int], Place]) -> None:
-        """Values that must not exceed their bounds, of any one shape; `place(i)` says where the `i`-th of them, counted
-        flat, was found. A value that is not a number violates any bound, and a bound that is none is violated. What nothing
-        bounds is not judged.
+    def measure(
+        self, kind: str, value: Any, bound: Any, place: Callable[[int], Place], chosen: Bool | None = None
+    ) -> None:
+        """Values that must not exceed their bounds, of any one shape, all or those that are `chosen`; `place(i)` says where
+        the `i`-th of them, counted flat, was found. A value that is not a number violates any bound, and a bound that is
+        none is violated. What nothing bounds is not judged.
         """
         values = np.asarray(value, dtype=np.float64).ravel()
+        bounds = np.broadcast_to(np.asarray(bound, dtype=np.float64), np.shape(value)).ravel()
+        if chosen is not None:
+            kept = np.flatnonzero(chosen)
+            self.measure(kind, values[kept], bounds[kept], lambda i: place(int(kept[i])))
+            return
         if not values.size:
             return
-        bounds = np.broadcast_to(np.asarray(bound, dtype=np.float64), np.shape(value)).ravel()
         bounded = ~np.isposinf(bounds)
         if not bounded.all():
             self.skip(kind, "nothing bounds it there", "a smaller step", int((~bounded).sum()))
-            kept = np.flatnonzero(bounded)
-            self.measure(kind, values[kept], bounds[kept], lambda i: place(int(kept[i])))
+            self.measure(kind, values, bounds, place, bounded)
             return
         values = np.where(np.isnan(values), np.inf, values) + 0.0  # no negative zeros
         verdict = self.verdicts[kind]

@@ -38,9 +38,8 @@ def frames(block: Block, tally: Tally) -> None:
         off = np.abs(norm(block.c1[..., 3:7]) - 1.0)
         tally.measure("quaternion", off, 8.0 * EPS, block.per_clump)
     off = np.abs(norm(block.q1) - 1.0)
-    chosen = np.flatnonzero(here)
     # The simulator normalises after every step; what the scenario gives is normalised too.
-    tally.measure("quaternion", off.ravel()[chosen], 8.0 * EPS, lambda i: block.per_body(int(chosen[i])))
+    tally.measure("quaternion", off, 8.0 * EPS, block.per_body, here)
 
 
 def _numbers(run: Run, tally: Tally) -> None:
@@ -119,8 +118,7 @@ def _scenario(run: Run, tally: Tally) -> None:
             rate = float(run.box.strain_rate(np.zeros(1))[0])
             wanted, size = wanted + flow, size + 4.0 * norm(flow) + rate * away
         off = norm(found - wanted) / (size + 1e-300)
-        chosen = np.flatnonzero(present)
-        tally.measure("scenario", off[chosen], 8.0 * EPS, _first(run, chosen))
+        tally.measure("scenario", off, 8.0 * EPS, lambda i: run.frame_place(0, i), present)
     if run.clumps:
         given = np.array([clump.start for clump in run.clumps])
         given[:, 7:10] += _flow(run, given[:, :3])[:, :3]
@@ -197,10 +195,6 @@ def _compare(tally: Tally, wanted: Any, found: Any, dataset: str) -> None:
     else:
         off = (wanted.astype(str) != found.astype(str)).astype(np.float64)
     tally.measure("scenario", off, 8.0 * EPS, at(dataset))
-
-
-def _first(run: Run, bodies: I64) -> Callable[[int], Place]:
-    return lambda i: run.frame_place(0, int(bodies[i]))
 
 
 def _steps(run: Run, step: I64) -> Callable[[int], Place]:

@@ -54,7 +54,7 @@ def _spheres(block: Block, near: Near, tally: Tally, way: F64) -> None:
         allowed = allowed + carried.strain(block)[k] * (norm(start) + norm(end))
     r = np.minimum(run.radius[a], run.radius[b])
     value, bound = _cut(start, end, run.radius[a] + run.radius[b], r, allowed)
-    tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))
+    tally.measure("tunnelling", value, bound, block.per_pair(k, a, b))
 
 
 def _obstacle(block: Block, tally: Tally, w: int, k: I64, a: I64, way: F64) -> None:
@@ -67,7 +67,7 @@ def _obstacle(block: Block, tally: Tally, w: int, k: I64, a: I64, way: F64) -> N
         ends = [x - np.outer(x @ axis, axis) for x in ends]
     allowed = way[k, a] + _travel(block, w, k, a)
     value, bound = _cut(ends[0], ends[1], run.radius[a] + size, np.minimum(run.radius[a], size), allowed)
-    tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), run.bodies + w))
+    tally.measure("tunnelling", value, bound, block.per_pair(k, a, np.full(len(k), run.bodies + w)))
 
 
 def _travel(block: Block, w: int, k: I64, a: I64) -> F64:
@@ -113,4 +113,4 @@ def _sheet(block: Block, tally: Tally, w: int, k: I64, a: I64, way: F64) -> None
     allowed = way[k, a] + _travel(block, w, k, a)
     value = np.where(through, np.abs(h1), 0.0)
     bound = np.where(around <= allowed, np.maximum(run.radius[a], value), 1e-9 * run.radius[a])
-    tally.measure("tunnelling", value, bound, lambda i: block.place(int(k[i]), int(a[i]), run.bodies + w))
+    tally.measure("tunnelling", value, bound, block.per_pair(k, a, np.full(len(k), run.bodies + w)))

@@ -105,7 +105,7 @@ def judge(block: Block, tally: Tally) -> None:
         "work",
         np.min(values, axis=0),
         bound(block, c)[rows],
-        lambda i: block.place(int(k[i]), int(a[i]), int(b[i])),
+        block.per_pair(k, a, b),
     )
 
 
