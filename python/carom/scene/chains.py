@@ -35,18 +35,8 @@ def chain(
     gap = _number("chain", "gap", gap, "length", zero=True)
     speed = _number("chain", "speed", speed, "speed")
     scene = _empty((0.0, 0.0, 0.0), friction, restitution)
-    x = 0.0
-    for k, r in enumerate(radii):
-        x += (radii[k - 1] + r + gap) if k else 0.0
-        velocity = (speed, 0.0, 0.0) if k == 0 else None
-        scene.sphere(
-            str(k + 1),
-            radius=r,
-            material=MATERIAL,
-            density=density,
-            position=(x, 0.0, 0.0),
-            velocity=velocity,
-        )
+    _row(scene, radii, density, gap, 0.0, (1.0, 0.0, 0.0))
+    scene.spheres[0].velocity = (speed, 0.0, 0.0)
     return _timed(scene, min(radii), speed, 3.0 * gap * (count - 1) / speed)
 
 
@@ -70,18 +60,8 @@ def column(
     gravity = _number("column", "gravity", gravity, "acceleration", zero=True)
     scene = _empty((0.0, 0.0, -gravity), friction, restitution)
     scene.plane("floor", material=MATERIAL, point=(0, 0, 0), normal=(0, 0, 1))
-    z = radii[0]
-    for k, r in enumerate(radii):
-        z += (radii[k - 1] + r) if k else 0.0
-        velocity = (0.0, 0.0, -speed) if k == count - 1 else None
-        scene.sphere(
-            str(k + 1),
-            radius=r,
-            material=MATERIAL,
-            density=density,
-            position=(0.0, 0.0, z),
-            velocity=velocity,
-        )
+    _row(scene, radii, density, 0.0, radii[0], (0.0, 0.0, 1.0))
+    scene.spheres[-1].velocity = (0.0, 0.0, -speed)
     return _timed(scene, min(radii), speed, 0.0)
 
 
@@ -149,6 +129,22 @@ def _empty(gravity: tuple[float, float, float], friction: float, restitution: fl
     scene = Scene(gravity=gravity)
     scene.contact(MATERIAL, MATERIAL, friction=friction, restitution=restitution)
     return scene
+
+
+def _row(
+    scene: Scene,
+    radii: list[float],
+    density: float,
+    gap: float,
+    first: float,
+    way: tuple[float, float, float],
+) -> None:
+    """Balls with so much between them, the first one `first` m along the `way` from the origin."""
+    along = first
+    for k, r in enumerate(radii):
+        along += (radii[k - 1] + r + gap) if k else 0.0
+        x, y, z = (along * part for part in way)
+        scene.sphere(str(k + 1), radius=r, material=MATERIAL, density=density, position=(x, y, z))
 
 
 def _timed(scene: Scene, least: float, speed: float, until: float) -> Scene:

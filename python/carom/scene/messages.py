@@ -8,6 +8,7 @@ from itertools import takewhile
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
 
 from carom.errors import Problem, ScenarioError, did_you_mean, quoted
 from carom.scene.tables.fields import OURS, exactly_one
@@ -103,9 +104,11 @@ def findings(
         table = _at(raw, table_path)
         for pair in ALTERNATIVES:
             if isinstance(table, Mapping) and set(pair) <= set(owner.model_fields):
-                wrong = exactly_one(table, *pair)
-                if wrong is not None and wrong.context is not None:
-                    found.append(Finding(table_path, str(wrong.context["cause"]), str(wrong.context["cure"])))
+                try:
+                    exactly_one(table, *pair)
+                except PydanticCustomError as wrong:
+                    told = wrong.context or {}
+                    found.append(Finding(table_path, str(told["cause"]), str(told["cure"])))
     return found
 
 

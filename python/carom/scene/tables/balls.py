@@ -56,9 +56,7 @@ class Ball(Table):
 
     @model_validator(mode="after")
     def _one_mass(self) -> Self:
-        wrong = exactly_one(self.__dict__, "mass", "density")
-        if wrong:
-            raise wrong
+        exactly_one(self.__dict__, "mass", "density")
         return self
 
     def mass_kg(self) -> float:
@@ -147,9 +145,7 @@ class Rack(Generator):
 
     @model_validator(mode="after")
     def _one_size(self) -> Self:
-        wrong = exactly_one(self.__dict__, "balls", "rows")
-        if wrong:
-            raise wrong
+        exactly_one(self.__dict__, "balls", "rows")
         if self.shape == "diamond" and self.rows is not None and self.rows % 2 == 0:
             raise refuse(
                 f"a diamond has an odd number of rows, found {self.rows}", f"give rows = {self.rows + 1}"

@@ -94,9 +94,7 @@ class Clump(Table):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        wrong = exactly_one(self.__dict__, "mass", "density")
-        if wrong:
-            raise wrong
+        exactly_one(self.__dict__, "mass", "density")
         if self.centre is not None and self.inertia is None:
             cause = "centre is given without inertia: with another centre of mass the body is not homogeneous"
             raise refuse(cause, "add inertia, or leave centre out", ("centre",))

@@ -274,10 +274,9 @@ class Pair(Checked):
         return {"type": "array", "items": Text(1).json_schema(), "minItems": 2, "maxItems": 2}
 
 
-def exactly_one(table: Mapping[str, Any], first: str, second: str) -> PydanticCustomError | None:
-    """The error if not exactly one of two keys is given, which says the same thing in two ways."""
+def exactly_one(table: Mapping[str, Any], first: str, second: str) -> None:
+    """Refuses a table where not exactly one of two keys is given, which say the same thing in two ways."""
     given = [key for key in (first, second) if table.get(key) is not None]
-    if len(given) == 1:
-        return None
-    cause = f"both {first} and {second} are given" if given else f"neither {first} nor {second} is given"
-    return refuse(cause, f"give exactly one of {first} and {second}")
+    if len(given) != 1:
+        cause = f"both {first} and {second} are given" if given else f"neither {first} nor {second} is given"
+        raise refuse(cause, f"give exactly one of {first} and {second}")

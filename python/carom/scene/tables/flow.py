@@ -142,9 +142,7 @@ class Inflow(Sized, _Kind):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        wrong = exactly_one(self.__dict__, "mass", "density")
-        if wrong:
-            raise wrong
+        exactly_one(self.__dict__, "mass", "density")
         if self.sizes != "equal":
             for key in ("mass", "inertia"):
                 if getattr(self, key) is not None:

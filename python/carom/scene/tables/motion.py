@@ -41,9 +41,7 @@ class Rotation(Table):
 
     @model_validator(mode="after")
     def _one_law(self) -> Self:
-        wrong = exactly_one(self.__dict__, "angle", "rate")
-        if wrong:
-            raise wrong
+        exactly_one(self.__dict__, "angle", "rate")
         if self.angle is not None:
             _starts_at_zero(self.angle, ("angle",))
         return self

@@ -103,9 +103,7 @@ class Packing(Sized, _Filling):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         given = self.__dict__
-        wrong = exactly_one(given, "count", "fraction")
-        if wrong:
-            raise wrong
+        exactly_one(given, "count", "fraction")
         exactly(given, "region", self.region, REGIONS)
         if self.periodic and self.region != "box":
             raise refuse(f"a {self.region} has no periodic axes", 'remove periodic, or give region = "box"')

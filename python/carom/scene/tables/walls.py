@@ -341,8 +341,7 @@ class Mesh(Wall):
 
     @model_validator(mode="after")
     def _is_a_mesh(self) -> Self:
-        if wrong := exactly_one(self.__dict__, "file", "vertices"):
-            raise wrong
+        exactly_one(self.__dict__, "file", "vertices")
         if (self.vertices is None) != (self.triangles is None):
             given, missing = ("triangles", "vertices") if self.vertices is None else ("vertices", "triangles")
             raise refuse(f"{given} are given without {missing}", f"add {missing}", (given,))
