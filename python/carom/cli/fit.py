@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from carom.cli.options import Json, Quiet
-from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
-from carom.cli.progress import LineBar
+from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded
+from carom.cli.progress import LineBar, going_on
 from carom.cli.sweep import (
     MeasureFile,
     Plots,
@@ -50,24 +49,16 @@ def fit(
 
     folder = out or Path("fits") / calibration.stem
     bar = _Bar() if not (quiet or as_json) else None
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
-            found = compute(
-                calibration,
-                folder,
-                workers=workers,
-                scheduler=scheduler,
-                retry_failed=retry_failed,
-                measure=function(measure),
-                progress=bar,
-            )
-    except KeyboardInterrupt:
-        note(f"interrupted; the points so far are in {folder}, and the same command goes on from there")
-        raise
-    finally:
-        if bar is not None:
-            bar.stop()
+    with going_on(bar, f"the points so far are in {folder}"):
+        found = compute(
+            calibration,
+            folder,
+            workers=workers,
+            scheduler=scheduler,
+            retry_failed=retry_failed,
+            measure=function(measure),
+            progress=bar,
+        )
     files = [found.path / "fit.json", *figures(found, plots)]
     if as_json:
         emit({**found.summary, "files": [str(f) for f in files]})

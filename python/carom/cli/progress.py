@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -61,6 +62,21 @@ class LineBar(Bar):
         elif wall_s - self._last >= LINE_SECONDS:
             self._last = wall_s
             note(told)
+
+
+@contextmanager
+def going_on(bar: LineBar | None, kept: str) -> Iterator[None]:
+    """Work that the same command continues after Ctrl-C, `kept` says from where; its warnings are remarks."""
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
+            yield
+    except KeyboardInterrupt:
+        note(f"interrupted; {kept}, and the same command goes on from there")
+        raise
+    finally:
+        if bar is not None:
+            bar.stop()
 
 
 class ProgressBar(Bar):

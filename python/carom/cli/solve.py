@@ -97,11 +97,12 @@ def solve(
 
     Example: carom solve problems --solver all --time-limit 10 -o profiles --format svg
     """
+    from carom._core import auto_rule
     from carom.cli import solutions
     from carom.problem.solve import is_abandoned
 
     names = _solvers(solver or ["auto"])
-    rule = _rule() if explain else None
+    rule = auto_rule().strip() if explain else None
     if not files:
         if rule is None:
             raise typer.BadParameter("give a file to solve, or --explain for the rule of auto")
@@ -151,7 +152,6 @@ def _attempts(
 ) -> Iterator[tuple[Attempt, Solution | None]]:
     """Every file by every solver, one after the other; what cannot be done is an attempt with an error."""
     from carom.cli.solutions import Attempt
-    from carom.problem.solve import solve as solve_problem
 
     for path in paths:
         try:
@@ -162,9 +162,7 @@ def _attempts(
             continue
         for name in names:
             try:
-                calls = (
-                    solve_problem(problem, name, **how, on_nonconvergence="return") for _ in range(repeat)
-                )
+                calls = (problem.solve(name, **how, on_nonconvergence="return") for _ in range(repeat))
                 found = min(calls, key=lambda solution: solution.wall_s)
             except (CaromError, MemoryError) as error:
                 yield Attempt(path, facts, name, error=_told(error, path)), None
@@ -239,12 +237,6 @@ def _formats(text: str) -> list[str]:
     formats = figure_formats(text)
     require_matplotlib()
     return formats
-
-
-def _rule() -> str:
-    from carom import _core
-
-    return _core.auto_rule().strip()
 
 
 def _show(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from carom.cli.options import Json, Quiet, listed, option
-from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
-from carom.cli.progress import LineBar, left
+from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded
+from carom.cli.progress import LineBar, going_on, left
 from carom.errors import CaromError, counted
 
 if TYPE_CHECKING:
@@ -76,23 +75,15 @@ def sweep(
     described = Study.from_toml(study, function(measure))
     folder = out or Path("sweeps") / study.stem
     bar = _Bar() if not (quiet or as_json) else None
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
-            found = compute(
-                described,
-                folder,
-                workers=workers,
-                scheduler=scheduler,
-                retry_failed=retry_failed,
-                progress=bar,
-            )
-    except KeyboardInterrupt:
-        note(f"interrupted; what was computed is in {folder}, and the same command goes on from there")
-        raise
-    finally:
-        if bar is not None:
-            bar.stop()
+    with going_on(bar, f"what was computed is in {folder}"):
+        found = compute(
+            described,
+            folder,
+            workers=workers,
+            scheduler=scheduler,
+            retry_failed=retry_failed,
+            progress=bar,
+        )
     chosen = listed(columns)
     files = [found.to_csv(csv, chosen)] if csv is not None else []
     files += figures(found, plots, columns=chosen) if found.ok.any() else []

@@ -289,7 +289,7 @@ MOTION = ("position", "velocity", "angular_velocity", "present")
 
 
 def _windows(frames: int, bodies: int) -> Iterator[tuple[int, int]]:
-    """Frames[Any] in windows of so many numbers that they fit the memory, one after the other."""
+    """Frames in windows of so many numbers that they fit the memory, one after the other."""
     size = max(3, BLOCK // (3 * max(1, bodies)))
     for low in range(0, frames, size):
         yield low, min(frames, low + size)

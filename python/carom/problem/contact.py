@@ -12,7 +12,7 @@ from carom.problem.local import LocalProblem
 from carom.problem.rank import Rank, rank_of
 from carom.problem.residual import Residual, residual_of
 from carom.problem.run_files import find
-from carom.problem.solve import TOLERANCE, OnNonconvergence, Solution, solve
+from carom.problem.solve import solve
 from carom.result.directory import RunDir
 
 
@@ -98,37 +98,7 @@ class ContactProblem:
         """What the problem is called."""
         return self.source.title
 
-    def solve(
-        self,
-        solver: str = "auto",
-        *,
-        tol: float = TOLERANCE,
-        r0: Any = None,
-        max_iterations: int | None = None,
-        time_limit: float | None = None,
-        threads: int = 1,
-        on_nonconvergence: OnNonconvergence = "raise",
-    ) -> Solution:
-        """Find r with `residual(r).err <= tol`.
-
-        `solver` is one of `carom.problem.solvers()`. `r0` (d C,) is where to begin, by default at 0. The solver stops after
-        `max_iterations` iterations (by default a number of its own) or `time_limit` seconds (by default never).
-        The result does not depend on `threads`.
-
-        Raises `SolveFailed` if there is no such r by then; its `solution` has what was found. With
-        `on_nonconvergence="return"` that is returned instead, and `solution.converged` tells. Ctrl-C raises
-        `KeyboardInterrupt` at once; the core then computes on unheard until it is done or its time is up.
-        """
-        return solve(
-            self,
-            solver,
-            tol=tol,
-            r0=r0,
-            max_iterations=max_iterations,
-            time_limit=time_limit,
-            threads=threads,
-            on_nonconvergence=on_nonconvergence,
-        )
+    solve = solve
 
     def residual(self, r: Any) -> Residual:
         """How well `r` (d C,) solves the problem: `err` and where it is worst."""

@@ -187,7 +187,16 @@ def solve(
     threads: int = 1,
     on_nonconvergence: OnNonconvergence = "raise",
 ) -> Solution:
-    """`ContactProblem.solve`, which explains the arguments."""
+    """Find r with `residual(r).err <= tol`.
+
+    `solver` is one of `carom.problem.solvers()`. `r0` (d C,) is where to begin, by default at 0. The solver stops after
+    `max_iterations` iterations (by default a number of its own) or `time_limit` seconds (by default never).
+    The result does not depend on `threads`.
+
+    Raises `SolveFailed` if there is no such r by then; its `solution` has what was found. With
+    `on_nonconvergence="return"` that is returned instead, and `solution.converged` tells. Ctrl-C raises
+    `KeyboardInterrupt` at once; the core then computes on unheard until it is done or its time is up.
+    """
     known = solvers()
     if solver not in known:
         raise refuse("solver", f"none is called {solver!r}", did_you_mean(str(solver), list(known)))

@@ -103,10 +103,7 @@ class Stage:
         self._links = links(result, 1)
         self._rods = mesh(np.zeros((0, 3)))
         if self._links:
-            rods = actor(self._rods, colour(LINK))
-            rods.GetProperty().SetLineWidth(max(1.0, look.height / 360))
-            rods.GetProperty().LightingOff()
-            self._renderer.AddActor(rods)
+            self._drawn(self._rods, colour(LINK), 360)
         labels = self._colours(rigid(result), None if table is None else ball_looks(result, table))
         self._balls = Balls(self._lamp, self._up, labels)
         self._renderer.AddActor(self._balls.actor)
@@ -195,12 +192,17 @@ class Stage:
         for part in (front, behind):
             part.GetProperty().SetAmbient(0.72)
             part.GetProperty().SetDiffuse(diffuse)
-        lines = actor(mesh(vertices, lines=surface.lines), colour(LINE))
-        lines.GetProperty().LightingOff()
-        lines.GetProperty().SetLineWidth(max(1.0, self._look.height / 600))
-        for part in (front, behind, lines):
             self._renderer.AddActor(part)
-        return [front, behind, lines]
+        return [front, behind, self._drawn(mesh(vertices, lines=surface.lines), colour(LINE), 600)]
+
+    def _drawn(self, lines: Any, shown: Colour, share: float | None = None) -> Any:
+        """Lines of one colour without shades, as wide as a `share` of the picture is high, or a pixel."""
+        found = actor(lines, shown)
+        found.GetProperty().LightingOff()
+        if share is not None:
+            found.GetProperty().SetLineWidth(max(1.0, self._look.height / share))
+        self._renderer.AddActor(found)
+        return found
 
     def _move(self, time: float) -> None:
         when = np.array([time])
@@ -210,13 +212,8 @@ class Stage:
             for part in parts:
                 part.SetVisibility(bool(motion.there(when)[0]))
             point = motion.position(np.asarray(surface.wall.facts["point"], dtype=np.float64), when)[0]
-            w, x, y, z = motion.orientation(when)[0]
             pose = np.eye(4)
-            pose[:3, :3] = [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
+            pose[:3, :3] = rotated(motion.orientation(when), np.eye(3)).T
             pose[:3, 3] = self._scaled(point)
             found = matrix()
             found.DeepCopy(pose.ravel().tolist())
@@ -248,9 +245,7 @@ class Stage:
                     ends += cut
         if ends:
             points = np.array(ends) + 0.0015 * normal
-            grid = actor(mesh(points, lines=np.arange(len(points)).reshape(-1, 2)), shown)
-            grid.GetProperty().LightingOff()
-            self._renderer.AddActor(grid)
+            self._drawn(mesh(points, lines=np.arange(len(points)).reshape(-1, 2)), shown)
 
     def _periodic(self) -> Any:
         """The edges of a periodic box, which along other axes holds what is shown; None without."""
@@ -258,10 +253,7 @@ class Stage:
             return None
         edges = np.array([(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1])
         found = mesh(self._scaled(self._boxes.first.corners(*self._ends)), lines=edges)
-        lines = actor(found, colour(LINE))
-        lines.GetProperty().LightingOff()
-        lines.GetProperty().SetLineWidth(max(1.0, self._look.height / 500))
-        self._renderer.AddActor(lines)
+        self._drawn(found, colour(LINE), 500)
         return found
 
     # Balls.
