@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 from carom import _core
 from carom.errors import did_you_mean, quoted
 from carom.scene.tables.fields import ANY, Bounds, Checked, Quantity, inside, refuse
-from carom.scene.tables.lists import Vector, as_list, each, listed
+from carom.scene.tables.lists import Vector, as_list, each
 
 if TYPE_CHECKING:
     from carom._core import Expression
@@ -118,8 +118,11 @@ class LawVector(Checked):
     bounds: Bounds = ANY
 
     def check(self, value: Any) -> tuple[LawValue, ...]:
-        cure = f'write for example [0.0, 0.0, {{ expression = "20*{self.variable}" }}]'
-        value = listed(value, (3,), "a list of 3 numbers or laws", cure)
+        value = as_list(value)
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            cause = f"expected a list of 3 numbers or laws, found {found}"
+            raise refuse(cause, f'write for example [0.0, 0.0, {{ expression = "20*{self.variable}" }}]')
         return tuple(each(value, self._item().check))
 
     def _item(self) -> Law:

@@ -5,7 +5,7 @@ They are checked element by element, so that a message says which one is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -36,16 +36,6 @@ def as_list(value: Any) -> Any:
     return tolist() if callable(tolist) else value
 
 
-def listed(value: Any, counts: Container[int], expected: str, cure: str) -> list[Any] | tuple[Any, ...]:
-    """A list, NumPy's too, that has one of these counts of entries; the error says what was `expected`."""
-    value = as_list(value)
-    if not isinstance(value, list | tuple):
-        raise refuse(f"expected {expected}, found {quoted(value)}", cure)
-    if len(value) not in counts:
-        raise refuse(f"expected {expected}, found a list of {len(value)}", cure)
-    return value
-
-
 @dataclass(frozen=True)
 class Vector(Checked):
     """`size` quantities of one dimension, none larger than `most` in size; stored as a tuple of floats."""
@@ -57,7 +47,10 @@ class Vector(Checked):
     """How one is written, where its entries are no coordinates: `[diameter, share]`."""
 
     def check(self, value: Any) -> tuple[float, ...]:
-        value = listed(value, (self.size,), f"a list of {self.size} numbers", f"write {self._example()}")
+        value = as_list(value)
+        if not isinstance(value, list | tuple) or len(value) != self.size:
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            raise refuse(f"expected a list of {self.size} numbers, found {found}", f"write {self._example()}")
         return tuple(each(value, self._item().check))
 
     def _item(self) -> Quantity:
@@ -110,9 +103,11 @@ class Vectors(Checked):
     most: int
 
     def check(self, value: Any) -> tuple[tuple[float, ...], ...]:
-        counts = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
-        cure = f"write [{self.kind.written()}, ...]"
-        value = listed(value, range(self.least, self.most + 1), f"{counts} vectors", cure)
+        value = as_list(value)
+        if not isinstance(value, list | tuple) or not self.least <= len(value) <= self.most:
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            counts = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
+            raise refuse(f"expected {counts} vectors, found {found}", f"write [{self.kind.written()}, ...]")
         return tuple(each(value, self.kind.check))
 
     def json_schema(self) -> dict[str, Any]:
@@ -140,8 +135,11 @@ class Tensor(Checked):
     """A tensor of inertia: the moments about the axes, or these and Jxy, Jxz, Jyz, as a tuple of 3 or 6."""
 
     def check(self, value: Any) -> tuple[float, ...]:
-        cure = "write [J1, J2, J3] or [Jxx, Jyy, Jzz, Jxy, Jxz, Jyz] in kg m^2"
-        value = listed(value, (3, 6), "a list of 3 or 6 moments of inertia", cure)
+        value = as_list(value)
+        if not isinstance(value, list | tuple) or len(value) not in (3, 6):
+            found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
+            cure = "write [J1, J2, J3] or [Jxx, Jyy, Jzz, Jxy, Jxz, Jyz] in kg m^2"
+            raise refuse(f"expected a list of 3 or 6 moments of inertia, found {found}", cure)
         return tuple(each(value, Quantity("moment of inertia").check))
 
     def json_schema(self) -> dict[str, Any]:
