@@ -11,7 +11,7 @@ import numpy as np
 from carom.errors import extra
 from carom.export.atomic import whole_file
 from carom.export.frames import Selection
-from carom.export.tables import Columns, Sheet, sheets
+from carom.export.tables import Columns, Sheet, written
 
 #: Rows of a group: pieces are collected until there are so many.
 GROUP = 200_000
@@ -20,16 +20,7 @@ GROUP = 200_000
 def write(selection: Selection, directory: Path) -> list[Path]:
     """`frames.parquet` and a file for every other table that has rows."""
     require_pyarrow("the format parquet")
-    files = []
-    for sheet in sheets(selection):
-        path = directory / f"{sheet.name}.parquet"
-        if sheet.empty:
-            if _columns(path) == list(sheet.units):  # of an earlier export, and no file of the user's own
-                path.unlink()
-            continue
-        _write(sheet, path)
-        files.append(path)
-    return sorted(files, key=lambda path: path.stem != "frames")
+    return written(selection, directory, "parquet", _write, _is_same)
 
 
 def require_pyarrow(what: str, name: str = "export") -> Any:
@@ -59,16 +50,15 @@ def _write(sheet: Sheet, path: Path) -> None:
                 writer.close()
 
 
-def _columns(path: Path) -> list[str] | None:
-    """The columns of a table, if it can be read."""
+def _is_same(sheet: Sheet, path: Path) -> bool:
     import pyarrow as arrow
     from pyarrow import parquet
 
     try:
         with open(path, "rb") as file:
-            return list(parquet.read_schema(file).names)
+            return list(parquet.read_schema(file).names) == list(sheet.units)
     except (OSError, arrow.ArrowException):
-        return None
+        return False
 
 
 def as_arrow(columns: Columns, units: Mapping[str, str]) -> Any:

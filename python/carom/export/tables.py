@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,27 @@ def sheets(selection: Selection) -> Iterator[Sheet]:
     result = selection.result
     for name in ("impacts", "impulses", "events", "transitions", "steps"):
         yield _rows(selection, name, getattr(result, name))
+
+
+def written(
+    selection: Selection,
+    directory: Path,
+    suffix: str,
+    write: Callable[[Sheet, Path], None],
+    is_same: Callable[[Sheet, Path], bool],
+) -> list[Path]:
+    """A file for every table that has rows, that of the frames first. Where one has none a file of an earlier export goes,
+    if it `is_same` by its columns and so no file of the user's own.
+    """
+    files = []
+    for sheet in sheets(selection):
+        path = directory / f"{sheet.name}.{suffix}"
+        if not sheet.empty:
+            write(sheet, path)
+            files.append(path)
+        elif is_same(sheet, path):
+            path.unlink()
+    return sorted(files, key=lambda path: path.stem != "frames")
 
 
 def _bodies(selection: Selection) -> Sheet:

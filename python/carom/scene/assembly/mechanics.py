@@ -153,12 +153,12 @@ def spring_ends(spring: Spring, bodies: Bodies, number: Mapping[str, int]) -> tu
     return a, b, *_ends(a, b, points, bodies)
 
 
-def _arm(body: int, point: F64, bodies: Bodies) -> list[float]:
+def arm(body: int, point: F64, bodies: Bodies) -> list[float]:
     """`R^T (p - x)`; of the ground the fixed point itself."""
     if body == GROUND_INDEX:
         return [float(x) for x in point]
-    arm = rotated_back(bodies.orientation[body], point - bodies.position[body])
-    return [float(x) for x in arm]
+    own = rotated_back(bodies.orientation[body], point - bodies.position[body])
+    return [float(x) for x in own]
 
 
 def joints_for_core(
@@ -178,7 +178,7 @@ def joints_for_core(
 def _arms(row: Row, a: int, b: int, bodies: Bodies) -> tuple[list[float], list[float]]:
     if row.kind == "rotation":
         return [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-    return _arm(a, row.point_a, bodies), _arm(b, row.point_b, bodies)
+    return arm(a, row.point_a, bodies), arm(b, row.point_b, bodies)
 
 
 def loads_for_core(
@@ -202,8 +202,8 @@ def loads_for_core(
                 "kind": "spring",
                 "a": a,
                 "b": b,
-                "arm_a": _arm(a, point_a, bodies),
-                "arm_b": _arm(b, point_b, bodies),
+                "arm_a": arm(a, point_a, bodies),
+                "arm_b": arm(b, point_b, bodies),
                 "stiffness": spring.stiffness,
                 "damping": spring.damping,
                 "rest_length": length,
