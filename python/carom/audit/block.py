@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, wraps
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from carom.arrays import F64, I64, Array, Bool
 from carom.audit.data import Run
 from carom.audit.report import Place, Tally
+from carom.audit.vectors import cross, rotated
 
 T = TypeVar("T")
 Of = TypeVar("Of", "Block", Run)
@@ -62,6 +63,14 @@ class Rows:
 
     def __len__(self) -> int:
         return len(self.k)
+
+
+class Point(NamedTuple):
+    """A point that a body carries, in each interval: lever, place and velocity, (B, 3), m and m/s."""
+
+    lever: F64
+    place: F64
+    velocity: F64
 
 
 def of_many(contacts: F64) -> F64:
@@ -190,6 +199,26 @@ class Block:
     def per_pair(self, k: I64, a: I64, b: I64) -> Callable[[int], Place]:
         """The places of pairs of bodies (K,) at the ends of the intervals `k`."""
         return lambda i: self.place(int(k[i]), int(a[i]), int(b[i]))
+
+    def contact(self, row: int) -> Place:
+        """The place of a contact of `rows`."""
+        c = self.rows
+        return self.place(int(c.k[row]), int(c.a[row]), int(c.b[row]))
+
+    def motion(self, k: I64, a: I64, b: I64, *, start: bool) -> tuple[F64, F64, F64, F64]:
+        """Velocities and angular velocities of A, then of B (any of walls), (K, 3) each, at an end of the intervals `k`."""
+        ball = np.minimum(b, self.run.bodies - 1)
+        v, w = (self.v0, self.w0) if start else (self.v1, self.w1)
+        return v[k, a], w[k, a], v[k, ball], w[k, ball]
+
+    def point(self, body: int, arm: Any, end: int) -> Point:
+        """A point of a body, or of the ground (-1), at the first (0) or second (1) frames; `arm` in its own axes, m."""
+        given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (self.count, 3))
+        if body < 0:
+            return Point(np.zeros_like(given), given, np.zeros_like(given))
+        x, v, w, q = (self.x1, self.v1, self.w1, self.q1) if end else (self.x0, self.v0, self.w0, self.q0)
+        lever = rotated(q[:, body], given)
+        return Point(lever, x[:, body] + lever, v[:, body] + cross(w[:, body], lever))
 
     def per_body(self, flat: int) -> Place:
         """The place of an entry of a (B, N) array."""

@@ -23,6 +23,7 @@ from carom.audit.formula import law
 from carom.audit.references import at
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS
+from carom.result.kinematics import QUANTITIES
 from carom.scene.assembly.arrays import identify
 
 Claim = tuple[str, Any, Any, float]
@@ -164,7 +165,7 @@ def _summary(run: Run, about: Mapping[str, Any], told: Mapping[str, Any]) -> Ite
     bodies = told.get("bodies")
     if isinstance(bodies, Mapping) and run.frames and int(run.step[-1]) == steps:
         present = np.asarray(run.result.present[-1])
-        for name in ("position", "orientation", "velocity", "angular_velocity"):
+        for name in QUANTITIES:
             last = np.asarray(getattr(run.result, name)[-1])
             for k in np.flatnonzero(present):
                 body = bodies.get(run.names[k])

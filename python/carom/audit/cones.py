@@ -9,7 +9,6 @@ widened by the angle by which the normal has turned (`forces.turn`): cones are c
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from carom.audit.centres import at_walls, wall_slack
 from carom.audit.data import Run
 from carom.audit.loads import turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
-from carom.audit.report import Place, Tally
+from carom.audit.report import Tally
 from carom.audit.vectors import EPS, across, dot, norm, unit
 
 #: Share of its bound from which on friction is said to slip, less than 1 by this much.
@@ -67,7 +66,7 @@ def _pushed(block: Block, tally: Tally) -> None:
     pulled = -pushed - 0.5 * angle * size
     bound = block.left(size)[c.k] + 16.0 * EPS * size
     bound = bound + np.where(block.piled[c.k], forces.bent(block)[c.k, c.a], 0.0)
-    tally.measure("sign", np.maximum(pulled, 0.0), bound, _place(block))
+    tally.measure("sign", np.maximum(pulled, 0.0), bound, block.contact)
 
 
 def friction(block: Block) -> F64:
@@ -94,22 +93,10 @@ def friction(block: Block) -> F64:
 
 def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rates:
     run, c = block.run, block.rows
-    v, w, t = (block.v0, block.w0, block.t0) if start else (block.v1, block.w1, block.t1)
-    ball = np.minimum(c.b, run.bodies - 1)
-    motion = (v[c.k, c.a], w[c.k, c.a], v[c.k, ball], w[c.k, ball])
+    t, motion = block.t0 if start else block.t1, block.motion(c.k, c.a, c.b, start=start)
     centre = block.x0[c.k, c.a] if start else at_walls(block, c.k, c.a, c.b, normal)
     image = block.image(c.k, c.a, c.b, end=not start)
     return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start, image), motion, normal, lever)
-
-
-def _place(block: Block, rows: I64 | None = None) -> Callable[[int], Place]:
-    c = block.rows
-
-    def place(i: int) -> Place:
-        at = int(i if rows is None else rows[i])
-        return block.place(int(c.k[at]), int(c.a[at]), int(c.b[at]))
-
-    return place
 
 
 def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> None:
@@ -121,15 +108,13 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     angle = np.where(block.single[c.k], 0.0, forces.turn(block))
     angle = np.where(angle > 0.0, np.maximum(angle, norm(c.normal - block.start[1])), 0.0)
     parts = forces.split(impulse, c.normal, block.start[1])
-    place = _place(block)
-    judged = np.flatnonzero(angle < 0.5 * np.pi)
-    open_place = _place(block, judged)
+    judged = angle < 0.5 * np.pi
     for kind in ("sign", "friction cone"):
         why = "the normal may have turned by more than a right angle between frames"
-        block.skip(tally, kind, why, c.k[angle >= 0.5 * np.pi])
+        block.skip(tally, kind, why, c.k[~judged])
     # A normal that turned by `angle` makes of a push at most so much of a pull.
     pulled = np.minimum(*(-p.normal for p in parts)) - size * np.sin(np.minimum(angle, 0.5 * np.pi))
-    tally.measure("sign", np.maximum(pulled[judged], 0.0), left[judged], open_place)
+    tally.measure("sign", np.maximum(pulled, 0.0), left, block.contact, judged)
     wide = np.arctan(mu) + angle
     slope = np.where(wide < 0.5 * np.pi - 1e-3, np.tan(np.minimum(wide, 0.5 * np.pi - 1e-3)), np.inf)
     with np.errstate(invalid="ignore"):
@@ -140,7 +125,7 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
     bound = left * (1.0 + np.where(np.isfinite(slope), slope, 0.0))
     noise = _regularised(block)
     bound = bound + noise[0]
-    tally.measure("friction cone", np.maximum(excess[judged], 0.0), bound[judged], open_place)
+    tally.measure("friction cone", np.maximum(excess, 0.0), bound, block.contact, judged)
     index = run.law_index(c.a, c.b)
     for kind, name in (("rolling cone", "rolling_radius"), ("spinning cone", "spinning_radius")):
         radius = run.coefficient(name, index)
@@ -155,7 +140,7 @@ def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> No
         turned = np.maximum(norm(moment), both * size) * np.sin(np.minimum(angle, 0.5 * np.pi))
         value = np.minimum(*(rolls if kind == "rolling cone" else spins)) - turned
         bound = left * np.maximum(radius, 0.0) + left * run.radius[c.a] + 16.0 * EPS * norm(moment) + noise[1]
-        tally.measure(kind, np.maximum(value - radius * pushed, 0.0), bound, place)
+        tally.measure(kind, np.maximum(value - radius * pushed, 0.0), bound, block.contact)
 
 
 def _regularised(block: Block) -> tuple[F64, F64]:
@@ -219,8 +204,8 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     hit = struck(block)
     impulse = loads_once.stated(block)[0]
     size = norm(impulse)
-    rows = np.flatnonzero(single & ~odd & ~hit & (size > 0.0))
-    if not rows.size:
+    judged = single & ~odd & ~hit & (size > 0.0)
+    if not judged.any():
         return
     left = block.left(size)[c.k] + 16.0 * EPS * size
     left = left + turned_loads(block, c.k, loads_once.firsts(block), c.normal)
@@ -254,8 +239,8 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         bounds.append(left * (1.0 + mu))
     best = np.argmin([d / np.maximum(b, 1e-300) for d, b in zip(defects, bounds, strict=True)], axis=0)
     value, bound = (np.where(best == 0, x[0], x[1]) for x in (defects, bounds))
-    tally.measure("slip", value[rows], bound[rows], _place(block, rows))
-    _turning(block, tally, rows, left, index)
+    tally.measure("slip", value, bound, block.contact, judged)
+    _turning(block, tally, judged, left, index)
 
 
 def opposed(force: F64, slip: F64, most: F64, left: F64, still: F64) -> F64:
@@ -270,7 +255,7 @@ def opposed(force: F64, slip: F64, most: F64, left: F64, still: F64) -> F64:
     return np.where(moving, np.maximum(0.0, norm(force - wanted) - allowed), 0.0)
 
 
-def _turning(block: Block, tally: Tally, rows: I64, left: F64, index: I64) -> None:
+def _turning(block: Block, tally: Tally, judged: Bool, left: F64, index: I64) -> None:
     run, c = block.run, block.rows
     found = []
     impulse, moment = loads_once.stated(block)
@@ -279,8 +264,7 @@ def _turning(block: Block, tally: Tally, rows: I64, left: F64, index: I64) -> No
         spin = norm(block.w1[c.k, c.a])
         found.append(turned(run, (c.a, c.b), (part.normal, moment, part.lever), turning, left, spin))
     value = np.minimum(*(of.value for of in found))
-    chosen = rows[found[0].any[rows]]
-    tally.measure("roll", value[chosen], found[0].bound[chosen], _place(block, chosen))
+    tally.measure("roll", value, found[0].bound, block.contact, judged & found[0].any)
 
 
 class Turned(NamedTuple):

@@ -21,7 +21,7 @@ from carom.arrays import F64
 from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.formula import law
-from carom.audit.vectors import cross, norm, rotated
+from carom.audit.vectors import norm
 
 if TYPE_CHECKING:
     from carom.audit.loads import Loads
@@ -119,15 +119,9 @@ def _point(block: Block, body: int, arm: Any, end: int, fast: F64 | float) -> tu
     """Place and velocity of a point of a body at the first (0) or second (1) frames, how fast it turns, rad/s, and its
     lever, m.
     """
-    given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
+    lever, place, velocity = block.point(body, arm, end)
     if body < 0:
-        return given, np.zeros_like(given), np.zeros(block.count), np.zeros(block.count)
-    x, v, w, q = (block.x1, block.v1, block.w1, block.q1) if end else (block.x0, block.v0, block.w0, block.q0)
-    lever = rotated(q[:, body], given)
-    spin = np.maximum(norm(w[:, body]), fast * block.run.inertia[body] ** -0.5)
-    return (
-        x[:, body] + lever,
-        v[:, body] + cross(w[:, body], lever),
-        spin,
-        norm(lever) + block.run.radius[body],
-    )
+        return place, velocity, np.zeros(block.count), np.zeros(block.count)
+    w = (block.w1 if end else block.w0)[:, body]
+    spin = np.maximum(norm(w), fast * block.run.inertia[body] ** -0.5)
+    return place, velocity, spin, norm(lever) + block.run.radius[body]

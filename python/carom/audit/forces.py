@@ -8,6 +8,7 @@ Both readings of a recorded impulse are therefore admitted: `Impulse.split` give
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -66,7 +67,6 @@ class Sums:
 def of_contacts(block: Block) -> Sums:
     """Sums of the recorded contacts of a block."""
     c, run = block.rows, block.run
-    shape = (block.count, run.bodies)
     reach = run.reach
     start = block.start[1]
     both = split(c.impulse, c.normal, start)
@@ -78,13 +78,7 @@ def of_contacts(block: Block) -> Sums:
     spread = np.where(block.single[c.k] | (angle == 0.0), 0.0, np.maximum(angle, norm(c.normal - start)))
     spread = np.maximum(spread, loads_once.unsure(block, 1))
 
-    def collect(of_a: F64, of_b: F64) -> F64:
-        """Adds what a row gives to its bodies; walls that are not free take nothing."""
-        out = np.zeros((*shape, *of_a.shape[1:]))
-        add_at(out, (c.k, c.a), of_a)
-        ball = c.b < run.bodies
-        add_at(out, (c.k[ball], c.b[ball]), of_b[ball])
-        return out
+    collect = partial(of_bodies, block, c)
 
     def moment(arm: F64, own: F64) -> F64:
         of_b = -own - reach[np.minimum(c.b, run.bodies)][:, None] * arm
@@ -127,6 +121,15 @@ def of_contacts(block: Block) -> Sums:
         shift_again=collect(ra * again, rb * again),
         count=together_in_clumps(collect(np.ones(len(c)), np.ones(len(c)))),
     )
+
+
+def of_bodies(block: Block, c: Rows | hits.Hits, of_a: F64, of_b: F64) -> F64:
+    """(B, N, ...) sums of what rows give their bodies, (K, ...); walls that are not free take nothing."""
+    out = np.zeros((block.count, block.run.bodies, *of_a.shape[1:]))
+    add_at(out, (c.k, c.a), of_a)
+    ball = c.b < block.run.bodies
+    add_at(out, (c.k[ball], c.b[ball]), of_b[ball])
+    return out
 
 
 def _projected(block: Block) -> F64:
@@ -222,12 +225,9 @@ def _sizes(block: Block, c: Rows | hits.Hits, impulse: F64, moment: F64) -> tupl
     pushed, turned = np.zeros((2, block.count, run.bodies))
     if run.has_contacts and len(c):
         size, couple = norm(impulse), norm(moment)
-        add_at(pushed, (c.k, c.a), size)
-        add_at(turned, (c.k, c.a), couple + run.radius[c.a] * size)
-        ball = c.b < run.bodies
-        k, b = c.k[ball], c.b[ball]
-        add_at(pushed, (k, b), size[ball])
-        add_at(turned, (k, b), couple[ball] + run.radius[b] * size[ball])
+        pushed = of_bodies(block, c, size, size)
+        arms = (run.radius[np.minimum(b, run.bodies - 1)] for b in (c.a, c.b))
+        turned = of_bodies(block, c, *(couple + arm * size for arm in arms))
         for clump in run.clumps:  # an impulse on one ball moves all
             mine, r = clump.balls, run.radius[clump.balls]
             whole = pushed[:, mine].sum(axis=1, keepdims=True)
@@ -241,15 +241,12 @@ def bent(block: Block) -> F64:
     """(B, N) by how much the position impulses of each body may be off where they turned the normals that they act along,
     as in piles, while they were solved: second order in the correction, N s^2; twice, since it may overshoot before.
     """
-    c, run = block.rows, block.run
+    c = block.rows
     way = together(block, shifts(block)[0])
     with np.errstate(invalid="ignore"):
         angle = np.where(way > 0.0, np.minimum(way * curvature(block), np.pi), 0.0)
-    found = np.zeros((block.count, run.bodies))
-    each, ball = 2.0 * norm(c.position_impulse) * angle, c.b < run.bodies
-    add_at(found, (c.k, c.a), each)
-    add_at(found, (c.k[ball], c.b[ball]), each[ball])
-    return found
+    each = 2.0 * norm(c.position_impulse) * angle
+    return of_bodies(block, c, each, each)
 
 
 def together(block: Block, of: F64) -> F64:

@@ -31,7 +31,7 @@ def recorded(block: Block, tally: Tally) -> None:
     """
     run, c = block.run, block.rows
     off = np.abs(norm(c.normal) - 1.0)
-    tally.measure("normal", off, 16.0 * EPS, block.per_pair(c.k, c.a, c.b))
+    tally.measure("normal", off, 16.0 * EPS, block.contact)
     if run.method == "penalty":
         for kind in ("gap", "normal"):
             tally.skip(kind, "penalty records them within its substeps", "use nsga or moreau", len(c))
@@ -120,7 +120,7 @@ def complementarity(block: Block, tally: Tally) -> None:
     there = block.there[c.k, c.a] & (block.there[c.k, ball] | (c.b >= run.bodies))
     value = np.maximum(gap, 0.0)
     value = np.where(np.isinf(value), 1e300, value)
-    tally.measure("complementarity", value, bound, block.per_pair(c.k, c.a, c.b), there & ~taken)
+    tally.measure("complementarity", value, bound, block.contact, there & ~taken)
 
 
 def approach(block: Block, near: Near, tally: Tally) -> None:

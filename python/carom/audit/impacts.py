@@ -18,7 +18,7 @@ from carom.audit.cones import struck
 from carom.audit.gaps import closing
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
-from carom.audit.report import Place, Tally
+from carom.audit.report import Tally
 from carom.audit.surfaces import Surface
 from carom.audit.vectors import EPS, dot, norm
 
@@ -91,19 +91,18 @@ def _unit(block: Block, tally: Tally, r: Hits) -> None:
 def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     """At some rows for the velocities of the frame before or after the step, along the recorded normals."""
     run = block.run
-    ball = np.minimum(r.b, run.bodies - 1)
-    v, w, t = (block.v0, block.w0, block.t0) if start else (block.v1, block.w1, block.t1)
+    t = block.t0 if start else block.t1
     foot = normal = r.normal
     if start:
         centre = block.x0[r.k, r.a]
-        _, foot = run.meet(t[r.k], r.a, r.b, centre, block.x0[r.k, ball])
+        _, foot = run.meet(t[r.k], r.a, r.b, centre, block.x0[r.k, np.minimum(r.b, run.bodies - 1)])
         if run.loads_once:
             normal = foot
         elif run.method == "moreau":  # of which all is of the middle of the step
             foot = normal
     else:
         centre = at_walls(block, r.k, r.a, r.b, normal)
-    motion = (v[r.k, r.a], w[r.k, r.a], v[r.k, ball], w[r.k, ball])
+    motion = block.motion(r.k, r.a, r.b, start=start)
     image = block.image(r.k, r.a, r.b, end=not start)
     return rates(run, Pairs(r.a, r.b, t[r.k], centre, foot, not start, image), motion, normal, normal)
 
@@ -144,20 +143,8 @@ def _missing(block: Block, tally: Tally) -> None:
         return
     k, a, b = c.k[rows], c.a[rows], c.b[rows]
     zero = np.zeros(len(rows))
-    one = Hits(
-        k,
-        block.s1[k],
-        k,
-        a,
-        b,
-        c.status[rows],
-        c.normal[rows],
-        c.impulse[rows],
-        c.moment[rows],
-        zero,
-        zero,
-        zero,
-    )
+    of_contact = (c.status[rows], c.normal[rows], c.impulse[rows], c.moment[rows])
+    one = Hits(k, block.s1[k], k, a, b, *of_contact, zero, zero, zero)
     speed = np.nan_to_num(norm(block.v0) + run.radius * norm(block.w0)).max(axis=1, initial=0.0)
     # Where loads are solved once the islands of these tell who approaches: they may be larger than those of closed contacts.
     islands = "candidates" if run.loads_once else "largest_island"
@@ -194,10 +181,7 @@ def _sign(block: Block, tally: Tally, r: Hits) -> None:
     run = block.run
     size = norm(r.impulse)
     left = 4.0 * block.tolerance[r.k] * size + 16.0 * EPS * size
-
-    def place(i: int) -> Place:
-        return run.step_place(int(r.step[i]), int(r.a[i]), int(r.b[i]))
-
+    place = hits.place(block, r)
     loose = block.summed[r.k] | ~block.single[r.k]
     pulled = -dot(r.impulse, r.normal)
     # Rows of piles and of penalty add up impulses while the normal turns: a pull is what points away from it altogether.

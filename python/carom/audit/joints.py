@@ -21,7 +21,7 @@ from carom.audit.block import Block
 from carom.audit.formula import law
 from carom.audit.loads import of_loads
 from carom.audit.report import Place, Tally
-from carom.audit.vectors import EPS, cross, dot, norm, rotated
+from carom.audit.vectors import EPS, dot, norm
 
 
 def judge(block: Block, tally: Tally) -> None:
@@ -45,11 +45,11 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
     kind, direction, arm_a, arm_b, form = row
     a, b = joint["a"], joint["b"]
     value, slope = law(form, block.t1)
-    at_a, rate_a, size_a = _point(block, a, arm_a)
-    at_b, rate_b, size_b = _point(block, b, arm_b)
+    _, at_a, rate_a = block.point(a, arm_a, 1)
+    _, at_b, rate_b = block.point(b, arm_b, 1)
     along = np.broadcast_to(np.asarray(direction, dtype=np.float64), at_a.shape)
     between, rate = at_a - at_b, rate_a - rate_b
-    length = size_a + size_b + np.abs(value)
+    length = norm(at_a) + norm(at_b) + np.abs(value)
     t = run.loosest
     speed = norm(rate_a) + norm(rate_b) + np.abs(slope)
     if kind == "rotation":
@@ -76,7 +76,7 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
         # at the speeds before an impact, which may be the larger ones.
         spin = np.maximum(norm(block.w0), norm(block.w1))
         swing = spin[:, a] + (spin[:, b] if b >= 0 else 0.0)
-        before = _rate(block, a, arm_a, 0) - _rate(block, b, arm_b, 0)
+        before = block.point(a, arm_a, 0).velocity - block.point(b, arm_b, 0).velocity
         fastest = np.maximum(norm(rate), norm(before))
         turning = swing + fastest / np.maximum(norm(between), 1e-3 * run.radius[a])
         floor = floor + 4.0 * run.h * turning * speed * (kind != "rotation")
@@ -92,21 +92,3 @@ def _kicked(block: Block, body: int) -> F64:
 
 def _place(block: Block, k: int, name: str) -> Place:
     return replace(block.place(k), who=(name,))
-
-
-def _point(block: Block, body: int, arm: Any) -> tuple[F64, F64, F64]:
-    """Place, velocity and size (B,) of a point of a body, or of the ground (-1)."""
-    given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
-    if body < 0:
-        return given, np.zeros_like(given), norm(given)
-    at = block.x1[:, body] + rotated(block.q1[:, body], given)
-    return at, _rate(block, body, arm, 1), norm(at)
-
-
-def _rate(block: Block, body: int, arm: Any, end: int) -> F64:
-    """Velocity (B, 3) of a point of a body, or of the ground (-1), at the first (0) or second (1) frames."""
-    given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (block.count, 3))
-    if body < 0:
-        return np.zeros_like(given)
-    q, v, w = ((block.q0, block.v0, block.w0), (block.q1, block.v1, block.w1))[end]
-    return np.asarray(v[:, body] + cross(w[:, body], rotated(q[:, body], given)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Bool
 from carom.audit import carried
-from carom.audit.block import Block, once
+from carom.audit.block import Block, Point, once
 from carom.audit.cohesion import on_bodies
 from carom.audit.corrections import corrections, groups
 from carom.audit.data import Run
@@ -312,7 +312,7 @@ def _line(block: Block, load: dict[str, Any], end: int) -> tuple[F64, F64, F64, 
     """Of a spring at the first (0) or second (1) frame of each interval: its direction from B to A (B, 3), its length and
     its tension (B,), and the velocity of A's point against B's (B, 3).
     """
-    (_, at_a, rate_a), (_, at_b, rate_b) = (_point(block, load, side, end) for side in "ab")
+    (_, at_a, rate_a), (_, at_b, rate_b) = (_end(block, load, side, end) for side in "ab")
     way, rate = at_a - at_b, rate_a - rate_b
     length = norm(way)
     line = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
@@ -320,15 +320,8 @@ def _line(block: Block, load: dict[str, Any], end: int) -> tuple[F64, F64, F64, 
     return line, length, tension + float(load["damping"]) * dot(line, rate), rate
 
 
-def _point(block: Block, load: dict[str, Any], side: str, end: int) -> tuple[F64, F64, F64]:
-    """Lever, place and velocity of a point that a spring holds, each (B, 3)."""
-    x, v, w, q = (block.x1, block.v1, block.w1, block.q1) if end else (block.x0, block.v0, block.w0, block.q0)
-    body, arm = int(load[side]), np.asarray(load[f"arm_{side}"], dtype=np.float64)
-    if body < 0:
-        still = np.zeros((block.count, 3))
-        return still, np.broadcast_to(arm, (block.count, 3)), still
-    lever = rotated(q[:, body], np.broadcast_to(arm, (block.count, 3)))
-    return lever, x[:, body] + lever, v[:, body] + cross(w[:, body], lever)
+def _end(block: Block, load: dict[str, Any], side: str, end: int) -> Point:
+    return block.point(int(load[side]), load[f"arm_{side}"], end)
 
 
 def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
@@ -340,9 +333,9 @@ def _wrench(block: Block, load: dict[str, Any], end: int) -> dict[int, F64]:
         return {body: np.hstack([force, -float(load["rotation"]) * w[:, body]])}
     line, _, tension, _ = _line(block, load, end)
     pull = -tension[:, None] * line
-    found = {int(load["a"]): np.hstack([pull, cross(_point(block, load, "a", end)[0], pull)])}
+    found = {int(load["a"]): np.hstack([pull, cross(_end(block, load, "a", end).lever, pull)])}
     if int(load["b"]) >= 0:
-        found[int(load["b"])] = np.hstack([-pull, -cross(_point(block, load, "b", end)[0], pull)])
+        found[int(load["b"])] = np.hstack([-pull, -cross(_end(block, load, "b", end).lever, pull)])
     return found
 
 

@@ -210,7 +210,7 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
     if run.method == "penalty":  # it has no position level
         c = block.rows
         given = norm(c.position_impulse) / run.mass[c.a]
-        tally.measure("position", given, 0.0, block.per_pair(c.k, c.a, c.b))
+        tally.measure("position", given, 0.0, block.contact)
     left = block.left(norm(block.rows.position_impulse)) + block.floor
     left = left[:, None] / run.mass
     reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass

@@ -136,7 +136,7 @@ class Replay:
         # Not of the contacts of the frame: one whose impulse was taken back has none there.
         images = block.image(r.k, r.a, r.b), block.image(r.k, r.a, r.b, end=True)
         first = Pairs(r.a, r.b, block.t0[r.k], block.x0[r.k, r.a], start, end=False, image=images[0])
-        motion = (block.v0[r.k, r.a], block.w0[r.k, r.a], block.v0[r.k, ball], block.w0[r.k, ball])
+        motion = block.motion(r.k, r.a, r.b, start=True)
         self.law = run.law_index(r.a, r.b)
         self.mu = run.friction(self.law, norm(rates(run, first, motion, start, start).slip))
         once = run.loads_once

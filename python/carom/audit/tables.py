@@ -13,6 +13,7 @@ from carom.audit.data import Run
 from carom.audit.references import at
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, norm
+from carom.result.kinematics import QUANTITIES
 
 ROWS = 200_000
 """Rows that are read at a time."""
@@ -106,7 +107,7 @@ def _scenario(run: Run, tally: Tally) -> None:
     present = np.asarray(run.result.present[0])
     if not present.all() or len(run.result.events):
         present = present & False  # what enters at the start has places drawn, and the rest is absent
-    for name in ("position", "orientation", "velocity", "angular_velocity"):
+    for name in QUANTITIES:
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run.result, name)[0])
         size = norm(wanted) + run.radius[: run.balls] * (1.0 if name == "position" else 0.0)
         if name == "velocity":  # given against the mean flow

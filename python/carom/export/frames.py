@@ -12,6 +12,7 @@ import numpy as np
 from carom.arrays import F64, I64, Array, Bool
 from carom.errors import CaromError
 from carom.result.data import RunData
+from carom.result.kinematics import QUANTITIES
 from carom.result.record import Column
 
 #: Bytes of one quantity that are read at a time.
@@ -49,14 +50,7 @@ class Stack:
     quantities: Mapping[str, Array]
 
 
-#: Quantities of a ball that change, with their components and unit.
-MOVING = {
-    "position": ("xyz", "m"),
-    "orientation": ("wxyz", "1"),
-    "velocity": ("xyz", "m/s"),
-    "angular_velocity": ("xyz", "rad/s"),
-}
-#: Those that do not.
+#: Quantities of a ball that do not change.
 FIXED = {"radius": "m", "mass": "kg", "material": "1"}
 
 
@@ -152,7 +146,7 @@ class Block:
         result = selection.result
         self.time: F64 = np.asarray(result.time[key])
         self.step: I64 = np.asarray(result.step[key]).astype(np.int64)
-        columns: dict[str, Column] = {name: getattr(result, name) for name in MOVING}
+        columns: dict[str, Column] = {name: getattr(result, name) for name in QUANTITIES}
         self.quantities: dict[str, F64] = {name: np.asarray(column[key]) for name, column in columns.items()}
         self.present = np.asarray(result.present[key]) if selection.changes else None
         self._fixed = selection.fixed()

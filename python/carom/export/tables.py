@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import Array
-from carom.export.frames import MOVING, Selection
+from carom.export.frames import Selection
 from carom.export.glyphs import GLYPHS, contact_glyphs
+from carom.result.kinematics import QUANTITIES
 from carom.result.record.layout import MEANINGS
 
 Columns = Mapping[str, Array]
@@ -82,7 +83,7 @@ def _bodies(selection: Selection) -> Sheet:
 def _frames(selection: Selection) -> Sheet:
     """One row per frame and ball that is there."""
     units = {"frame": "1", "step": "1", "time": "s", "body": "1", "name": "1"}
-    for quantity, (letters, unit) in MOVING.items():
+    for quantity, (letters, unit) in QUANTITIES.items():
         units |= {f"{quantity}_{letter}": unit for letter in letters}
     names = np.array(selection.result.names, dtype=object)
 
@@ -96,7 +97,7 @@ def _frames(selection: Selection) -> Sheet:
                 "body": stack.body,
                 "name": names[stack.body],
             }
-            for quantity, (letters, _) in MOVING.items():
+            for quantity, (letters, _) in QUANTITIES.items():
                 values = stack.quantities[quantity]
                 piece |= {f"{quantity}_{letter}": values[:, i] for i, letter in enumerate(letters)}
             yield piece

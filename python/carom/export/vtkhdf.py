@@ -14,9 +14,10 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.export.atomic import whole_file, without
-from carom.export.frames import FIXED, MOVING, Selection
+from carom.export.frames import FIXED, Selection
 from carom.export.glyphs import contact_glyphs
 from carom.export.walls import walls
+from carom.result.kinematics import QUANTITIES
 
 VERSION = (2, 0)
 CELLS = ("Vertices", "Lines", "Polygons", "Strips")
@@ -33,7 +34,7 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     with whole_file(files[0]) as path, Temporal(path, fixed) as file:
         for block in selection.blocks():
             stack = block.stack()
-            data = {name: stack.quantities[name] for name in MOVING if name != "position"}
+            data = {name: stack.quantities[name] for name in QUANTITIES if name != "position"}
             if selection.changes:
                 data |= {name: stack.quantities[name] for name in FIXED} | {"id": stack.body}
             file.append(stack.time, stack.count, stack.quantities["position"], data)

@@ -14,9 +14,10 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.export.atomic import whole_file, whole_folder, without
-from carom.export.frames import FIXED, MOVING, Frame, Selection
+from carom.export.frames import FIXED, Frame, Selection
 from carom.export.glyphs import contact_glyphs
 from carom.export.walls import walls
+from carom.result.kinematics import QUANTITIES
 
 #: What the files in the folders of a series are called.
 OWN = "*.vtp"
@@ -63,7 +64,7 @@ def _series(selection: Selection, directory: Path, what: str, steps: Iterable[by
 
 
 def _balls(frame: Frame) -> tuple[Array, dict[str, Array]]:
-    names = [*(name for name in MOVING if name != "position"), *FIXED]
+    names = [*(name for name in QUANTITIES if name != "position"), *FIXED]
     return frame.position, {**{name: frame.quantities[name] for name in names}, "id": frame.body}
 
 

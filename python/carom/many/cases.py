@@ -14,21 +14,15 @@ from numpy.typing import ArrayLike
 
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
+from carom.result.kinematics import QUANTITIES
 from carom.scene.assembly.arrays import LAW_KEYS, VARYING, resolved_tree
 from carom.scene.scene import Scene
 
 Values = ArrayLike
 """Numbers in SI, the first axis one row per case."""
 
-WIDTHS = {
-    "position": 3,
-    "orientation": 4,
-    "velocity": 3,
-    "angular_velocity": 3,
-    "radius": 0,
-    "mass": 0,
-    "inertia": 0,
-}
+WIDTHS = {name: len(letters) for name, (letters, _) in QUANTITIES.items()}
+WIDTHS |= {"radius": 0, "mass": 0, "inertia": 0}
 """Quantities of balls, and how many components each has; 0 for a number."""
 
 

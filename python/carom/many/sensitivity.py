@@ -21,13 +21,14 @@ from carom.errors import CaromError, quoted
 from carom.many.batch import simulate_batch
 from carom.many.batch_result import Batch
 from carom.many.cases import Overrides
+from carom.many.quantity import USUAL
 from carom.result.tables import Transitions
 from carom.run.simulate import scene_of
 from carom.scene.scene import Scene
 
 Events = list[tuple[int, ...]]
 
-QUANTITIES = ("position", "velocity", "angular_velocity")
+QUANTITIES = USUAL
 #: Steps of the differences, over the size of what is changed (1 where it is 0). Larger: other events; smaller: rounding.
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 #: Places of the runs of a difference, in steps.

@@ -15,7 +15,6 @@ from carom.show.plot import style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMATS = ("png", "svg", "pdf")
 #: One column of a page, in.
 SIZE = (4.6, 3.1)
 #: Height of a row of the legend, in, and the most columns.

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom import _core
+from carom.result.kinematics import QUANTITIES
 from carom.run import checkpoint
 from carom.run.loop import Sink
 from carom.scene.plan import Plan
@@ -84,7 +85,7 @@ def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) ->
 
 
 #: The quantities of a state.
-STATE = ("time", "position", "orientation", "velocity", "angular_velocity")
+STATE = ("time", *QUANTITIES)
 
 
 class Instants(Sink):

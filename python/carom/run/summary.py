@@ -12,6 +12,7 @@ import numpy as np
 
 import carom
 from carom import _core
+from carom.result.kinematics import QUANTITIES
 from carom.run import checkpoint
 
 if TYPE_CHECKING:
@@ -62,10 +63,9 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
     found |= {key: value for key, value in totals.items() if key not in found}
     if len(names) <= LISTED_BODIES:
         frame = simulation.frame()
-        keys = ("position", "orientation", "velocity", "angular_velocity")
         there = frame.get("present")
         found["bodies"] = {
-            name: {k: plain(frame[k][i]) for k in keys}
+            name: {k: plain(frame[k][i]) for k in QUANTITIES}
             for i, name in enumerate(names)
             if there is None or there[i]
         }

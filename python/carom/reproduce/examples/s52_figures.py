@@ -14,8 +14,6 @@ from carom.reproduce.examples.two_balls import energies as energies_of
 from carom.reproduce.examples.two_balls import hit_step
 from carom.reproduce.memory import Trace
 
-ID = "5.2"
-
 
 def rule(found: Mapping[float, Trace]) -> Figure:
     """Figure 5b: the 30 degree rule."""

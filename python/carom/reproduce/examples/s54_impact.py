@@ -19,7 +19,6 @@ from carom.reproduce.document import Row
 from carom.reproduce.examples.s54_study import after_impact, hit_of, scene
 from carom.reproduce.memory import Trace, trace
 
-ID = "5.4"
 #: The coarsest step is the paper's; steps halve, first to last, for what happens until the jumps end, and for the whole run.
 HALVINGS, HALVINGS_LONG = 6, 5
 #: Until when the jumps are over, and when all balls roll, s.

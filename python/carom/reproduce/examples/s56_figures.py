@@ -12,7 +12,6 @@ from carom.reproduce.memory import Trace
 
 Limits = tuple[float | None, float | None, float | None, float | None]
 
-ID = "5.6"
 BALLS = ("ball2", "ball3", "ball4", "ball5")
 #: Until when figure 25 shows the jump of the cue ball, s.
 JUMP: Limits = (0.1, 0.16, None, None)

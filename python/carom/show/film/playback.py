@@ -14,6 +14,7 @@ import numpy as np
 
 from carom.arrays import F64, I64
 from carom.errors import CaromError
+from carom.result.kinematics import QUANTITIES
 from carom.show.film.look import MOST_PICTURES, Look
 from carom.show.surfaces import box
 
@@ -106,8 +107,7 @@ class Playback:
                 self._frames.pop(min(self._frames, key=lambda other: abs(other - k) < 2))
             result, frame = self._selection.result, int(self._index[k])
             self._frames[k] = {
-                name: np.asarray(getattr(result, name)[frame], dtype=np.float64)
-                for name in ("position", "orientation", "velocity", "angular_velocity")
+                name: np.asarray(getattr(result, name)[frame], dtype=np.float64) for name in QUANTITIES
             }
             if self._selection.changes:
                 there = np.asarray(result.present[frame])[:, np.newaxis]
