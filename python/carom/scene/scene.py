@@ -23,7 +23,7 @@ from carom.scene.builders.from_run import Taker
 from carom.scene.builders.walls import Waller
 from carom.scene.builders.world import Deformer
 from carom.scene.checks.advice import advise
-from carom.scene.checks.rules import Parts, check, steps
+from carom.scene.checks.rules import Whole, check, steps
 from carom.scene.messages import Finding, Source
 from carom.scene.notebook import of_scene
 from carom.scene.tables.balls import Generator, Sphere
@@ -292,13 +292,13 @@ class Scene(Waller, Attacher, Taker, Deformer):
         wrong, good = faults(self._tree.packing)
         tree = self._tree.model_copy(update={"packing": list(good.values())})
         parts = replace(
-            Parts.of(with_packings_expanded(tree)), damaged=frozenset(["sphere"] if wrong else [])
+            Whole.of(with_packings_expanded(tree)), damaged=frozenset(["sphere"] if wrong else [])
         )
         place = Places(len(tree.sphere), good)
         wrong += place.found(check(parts))
         if wrong:
             raise ScenarioError(self._problem(f) for f in wrong)
-        advice = place.found(advise(parts, self._tree.world))
+        advice = place.found(advise(parts))
         return [self._problem(f) for f in (*advice, *advise_packings(good))]
 
     def _problem(self, finding: Finding) -> Problem:

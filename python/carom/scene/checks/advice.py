@@ -21,11 +21,10 @@ from carom.scene.checks.joint_contacts import advise_joint_contacts
 from carom.scene.checks.joint_start import advise_start
 from carom.scene.checks.moving_walls import advise_walls
 from carom.scene.checks.piles import advise_piles
-from carom.scene.checks.rules import Parts, steps
+from carom.scene.checks.rules import Whole, steps
 from carom.scene.messages import Finding
 from carom.scene.plan import STEP_BYTES, Plan
 from carom.scene.tables.laws import value_at
-from carom.scene.tables.model import World
 from carom.scene.tables.walls import PLANE
 
 WARN_TRAVEL = 0.05
@@ -49,18 +48,18 @@ FEW_BALLS = 200
 """Balls up to which falls are looked at before a run."""
 
 
-def advise(parts: Parts, world: World) -> Iterator[Finding]:
+def advise(parts: Whole) -> Iterator[Finding]:
     """All warnings of a scenario that `check` found nothing wrong with."""
-    yield from _step_length(parts, world)
+    yield from _step_length(parts)
     if not _has_substeps(parts):
-        yield from advise_curved(parts, world)
-        yield from advise_piles(parts, world)
+        yield from advise_curved(parts)
+        yield from advise_piles(parts)
     yield from _rounded_until(parts)
     yield from _large_results(parts)
     yield from _much_friction(parts)
     yield from _never_rolls(parts)
-    yield from _bounces(parts, world)
-    yield from advise_gain(parts, world)
+    yield from _bounces(parts)
+    yield from advise_gain(parts)
     yield from _heavy_shell(parts)
     yield from _mass_ratio(parts)
     yield from advise_start(parts)
@@ -71,14 +70,14 @@ def advise(parts: Parts, world: World) -> Iterator[Finding]:
     yield from advise_deformation(parts)
 
 
-def _has_substeps(parts: Parts) -> bool:
+def _has_substeps(parts: Whole) -> bool:
     """Whether the method divides the steps by itself: what is said of their length does not hold for it."""
-    return parts.run is not None and parts.run.options()["method"] in ("penalty", "events")
+    return parts.run.options()["method"] in ("penalty", "events")
 
 
-def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
+def _step_length(parts: Whole) -> Iterator[Finding]:
     run, bodies = parts.run, parts.bodies()
-    if run is None or not bodies.names or _has_substeps(parts):  # which see every contact
+    if _has_substeps(parts):  # which see every contact
         return
     # the fastest ball relative to its size; another may come towards it as fast, which the limits allow for
     rate = np.sqrt((bodies.velocity**2).sum(axis=1)) / bodies.radius
@@ -94,15 +93,10 @@ def _step_length(parts: Parts, world: World) -> Iterator[Finding]:
             f"step = {ok:g} is safe, {fine:g} accurate",
         )
     else:
-        told = False
-        for finding in _step_before_planes(parts, run.step, world):
-            told = True
-            yield finding
-        if not told:
-            yield from _step_of_falls(parts, world)
+        yield from list(_step_before_planes(parts, run.step)) or _step_of_falls(parts)
 
 
-def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Finding]:
+def _step_before_planes(parts: Whole, step: float) -> Iterator[Finding]:
     """Planes are flat, so that hits lose no accuracy; but a ball must not get far behind one in a step.
 
     What gravity adds to the speed within the first step counts too; of later speeds tells the summary of the run.
@@ -112,7 +106,7 @@ def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Fin
     for plane in _planes(parts):
         normal = np.array(plane.shape[1])
         rate = np.maximum(0.0, -(bodies.velocity @ normal)) / bodies.radius
-        fall = max(0.0, -dot(world.gravity, plane.shape[1])) / bodies.radius
+        fall = max(0.0, -dot(parts.world.gravity, plane.shape[1])) / bodies.radius
         travel = (rate + fall * step) * step
         body = int(travel.argmax())
         if travel[body] > max(PLANE_TRAVEL, worst):
@@ -127,24 +121,24 @@ def _step_before_planes(parts: Parts, step: float, world: World) -> Iterator[Fin
         yield Finding(("run", "step"), cause, f"step = {below(safe):g} is safe")
 
 
-def _step_of_falls(parts: Parts, world: World) -> Iterator[Finding]:
+def _step_of_falls(parts: Whole) -> Iterator[Finding]:
     """What gravity will make of the speeds: a ball that falls freely onto a plane within the run, others not in its way.
 
     Only in scenes of a few balls: in heaps balls fall less far than their height, and the summary of the run tells.
     """
     run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or len(bodies.names) > FEW_BALLS:
+    if len(bodies.names) > FEW_BALLS:
         return
     worst = None
     for plane in _planes(parts):
         normal, point = np.array(plane.shape[1]), np.array(plane.point)
-        pull = -dot(world.gravity, plane.shape[1])
+        pull = -dot(parts.world.gravity, plane.shape[1])
         if pull <= 0:
             continue
         height = (bodies.position - point) @ normal - bodies.radius
         towards = -(bodies.velocity @ normal)
         speed = np.sqrt(np.maximum(0.0, towards**2 * (towards > 0) + 2 * pull * np.maximum(0.0, height)))
-        in_time = (speed - np.maximum(0.0, towards)) / pull <= run.until
+        in_time = (speed - np.maximum(0.0, towards)) / pull <= parts.until
         travel = np.where(in_time & ~_held_up(bodies, normal), speed / bodies.radius * run.step, 0.0)
         body = int(travel.argmax())
         if travel[body] > PLANE_TRAVEL and (worst is None or travel[body] > worst[0]):
@@ -167,20 +161,15 @@ def _held_up(bodies: Bodies, normal: F64) -> Bool:
     return np.asarray((near & (height[None] < height[:, None])).any(axis=1))
 
 
-def _rounded_until(parts: Parts) -> Iterator[Finding]:
-    run = parts.run
-    if run is not None and run.until is not None:
-        end = steps(run) * run.step
-        if abs(end - run.until) > 1e-6 * run.step:
-            cause = f"until = {run.until:g} s is not a whole number of steps"
-            yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
+def _rounded_until(parts: Whole) -> Iterator[Finding]:
+    end = steps(parts.run) * parts.run.step
+    if abs(end - parts.until) > 1e-6 * parts.run.step:
+        cause = f"until = {parts.until:g} s is not a whole number of steps"
+        yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
 
 
-def _large_results(parts: Parts) -> Iterator[Finding]:
-    run, record = parts.run, parts.record
-    if run is None or run.until is None or record is None:
-        return
-    plan = Plan.of(run.until, run.step, record.every, record.contacts)
+def _large_results(parts: Whole) -> Iterator[Finding]:
+    plan = Plan.of(parts.until, parts.run.step, parts.record.every, parts.record.contacts)
     rows, frames = (
         plan.steps * STEP_BYTES,
         plan.steps // plan.every * plan.frame_bytes(len(parts.bodies().names)),
@@ -199,7 +188,7 @@ def _large_results(parts: Parts) -> Iterator[Finding]:
         )
 
 
-def _much_friction(parts: Parts) -> Iterator[Finding]:
+def _much_friction(parts: Whole) -> Iterator[Finding]:
     for i, law in parts.contacts():
         mu = value_at(law.friction, 0.0)
         if mu > MOST_FRICTION:
@@ -211,7 +200,7 @@ def _much_friction(parts: Parts) -> Iterator[Finding]:
             )
 
 
-def _never_rolls(parts: Parts) -> Iterator[Finding]:
+def _never_rolls(parts: Whole) -> Iterator[Finding]:
     bodies, names = parts.bodies(), parts.materials()
     single = bodies.clump < 0
     smallest = {
@@ -229,7 +218,7 @@ def _never_rolls(parts: Parts) -> Iterator[Finding]:
             yield Finding(("contact", i, "rolling_radius"), cause, f"values below {limit:.2g} let balls roll")
 
 
-def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
+def _bounces(parts: Whole) -> Iterator[Finding]:
     if _has_substeps(parts):
         return
     bodies, names = parts.bodies(), parts.materials()
@@ -242,7 +231,7 @@ def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
                 continue
             a, b = law.between
             meets = (a == plane.material and b in kinds) or (b == plane.material and a in kinds)
-            if meets and _presses(plane, world):
+            if meets and dot(parts.world.gravity, plane.shape[1]) < 0:
                 cause = f"e_N = 1 on plane {quoted(plane.name)} against gravity"
                 cause += ": each bounce loses energy of the order of the step"
                 yield Finding(
@@ -253,7 +242,7 @@ def _bounces(parts: Parts, world: World) -> Iterator[Finding]:
                 break
 
 
-def _mass_ratio(parts: Parts) -> Iterator[Finding]:
+def _mass_ratio(parts: Whole) -> Iterator[Finding]:
     bodies = parts.bodies()
     if _has_substeps(parts) or len(bodies.names) < 2:
         return
@@ -270,15 +259,11 @@ def _mass_ratio(parts: Parts) -> Iterator[Finding]:
         yield Finding((section, index, "mass"), cause, cure)
 
 
-def _planes(parts: Parts) -> list[Placed]:
+def _planes(parts: Whole) -> list[Placed]:
     return [wall for wall in parts.walls() if wall.kind == PLANE]
 
 
-def _presses(plane: Placed, world: World) -> bool:
-    return dot(world.gravity, plane.shape[1]) < 0
-
-
-def _heavy_shell(parts: Parts) -> Iterator[Finding]:
+def _heavy_shell(parts: Whole) -> Iterator[Finding]:
     bodies = parts.bodies()
     for segment in bodies.segments:
         if segment.section == "clump":  # the inertia is that of the whole

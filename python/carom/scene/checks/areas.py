@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def check_areas(parts: Parts) -> Iterator[Finding]:
     """Where the scenario gives none, walls and periods enclose one."""
     surfaces = parts.walls()
-    periods = parts.world.periodic if parts.world is not None else None
+    periods = parts.periods
     for k, wall in enumerate(surfaces):
         if wall.free is None or not wall.free.follows() or sides(k, surfaces, periods):
             continue

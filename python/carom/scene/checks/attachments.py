@@ -17,7 +17,7 @@ from carom.scene.tables.loads import ALL, GROUND, Load, LoadFunction, Spring
 
 if TYPE_CHECKING:
     from carom.scene.assembly.bodies import Bodies
-    from carom.scene.checks.rules import Parts
+    from carom.scene.checks.rules import Parts, Whole
 
 MOST = 20
 """Wrong names that are listed; more say nothing new."""
@@ -113,19 +113,16 @@ def _functions(parts: Parts) -> Iterator[Finding]:
             yield Finding(("load_function", i), cause, cure)
 
 
-def advise_loads(parts: Parts) -> Iterator[Finding]:
+def advise_loads(parts: Whole) -> Iterator[Finding]:
     """Advice on laws and springs."""
     yield from _laws(parts)
     yield from _fast_springs(parts)
     yield from _friction(parts)
 
 
-def _laws(parts: Parts) -> Iterator[Finding]:
+def _laws(parts: Whole) -> Iterator[Finding]:
     """Laws of the time that break off within the run, rods that vanish in it."""
-    run = parts.run
-    if run is None or run.until is None:
-        return
-    times = np.linspace(0.0, run.until, SAMPLES + 1)
+    times = np.linspace(0.0, parts.until, SAMPLES + 1)
     for section, keys in (("joint", ("length", "displacement", "angle")), ("load", ("force", "torque"))):
         for i, table in parts.entries[section]:
             for key in keys:
@@ -150,10 +147,8 @@ def _broken(
             return
 
 
-def _fast_springs(parts: Parts) -> Iterator[Finding]:
+def _fast_springs(parts: Whole) -> Iterator[Finding]:
     run, bodies = parts.run, parts.bodies()
-    if run is None or not parts.entries["spring"]:
-        return
     number = numbers(bodies)
     for i, spring in parts.entries["spring"]:
         assert isinstance(spring, Spring)
@@ -170,7 +165,7 @@ def _friction(parts: Parts) -> Iterator[Finding]:
     """Laws of friction that are negative at speeds which the run may reach."""
     bodies = parts.bodies()
     laws = [(i, law) for i, law in parts.contacts() if isinstance(law.friction, dict)]
-    if not laws or not bodies.names:
+    if not laws:
         return
     surface = np.linalg.norm(bodies.velocity, axis=1)
     surface += bodies.radius * np.linalg.norm(bodies.angular_velocity, axis=1)

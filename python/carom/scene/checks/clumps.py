@@ -79,7 +79,7 @@ def usable_clumps(parts: Parts) -> Iterator[Finding]:
 
 def check_size(parts: Parts) -> Iterator[Finding]:
     """In a periodic world a clump must not meet itself."""
-    periods = parts.world.periodic if parts.world is not None else None
+    periods = parts.periods
     if periods is None or not any(periods):
         return
     for i, clump in parts.entries["clump"]:

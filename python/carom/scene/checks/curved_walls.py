@@ -23,8 +23,7 @@ from carom.scene.tables.options import loads_once
 
 if TYPE_CHECKING:
     from carom.scene.assembly.placing import Placed
-    from carom.scene.checks.rules import Parts
-    from carom.scene.tables.model import World
+    from carom.scene.checks.rules import Whole
 
 CURVED = ("sphere", "cylinder", "cone")
 """Kinds of curved walls, whose last parameter says whether spheres live inside."""
@@ -63,10 +62,10 @@ class Way(NamedTuple):
     """Potential over that at the lowest point of the wall, m^2/s^2."""
 
 
-def advise_curved(parts: Parts, world: World) -> Iterator[Finding]:
+def advise_curved(parts: Whole) -> Iterator[Finding]:
     """The ball that begins on a fixed curved wall and whose energy the scheme changes most, beyond `MOST_CHANGE`."""
     run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or loads_once(run.options()) or len(bodies.names) > FEW_BALLS:
+    if loads_once(run.options()) or len(bodies.names) > FEW_BALLS:
         return
     most, told = MOST_CHANGE, None
     for wall in parts.walls():
@@ -75,12 +74,12 @@ def advise_curved(parts: Parts, world: World) -> Iterator[Finding]:
         on = np.flatnonzero(
             bodies.present & (gaps(wall, bodies.position, bodies.radius) <= CLOSE * bodies.radius)
         )
-        way = way_on(wall, bodies.position[on], bodies.velocity[on], np.array(world.gravity))
+        way = way_on(wall, bodies.position[on], bodies.velocity[on], np.array(parts.world.gravity))
         top = np.sqrt(way.speed**2 + 2.0 * way.fall)
         moves = top**2 > 2.0 * SLIGHT * way.gravity * bodies.radius[on]
         inside = bool(wall.shape[-1])
         change = run.step * (
-            _rate(wall, way, top) * run.until if inside else DESCENT * np.sqrt(way.gravity / way.rho)
+            _rate(wall, way, top) * parts.until if inside else DESCENT * np.sqrt(way.gravity / way.rho)
         )
         change = np.where(moves if inside else way.load > 0.0, change, 0.0)
         k = int(change.argmax()) if len(on) else 0
@@ -95,7 +94,7 @@ def advise_curved(parts: Parts, world: World) -> Iterator[Finding]:
         safe = f'position_friction = "once" loses none, {safe}'
     if wall.shape[-1]:
         share = 100.0 * (1.0 - 1.0 / (1.0 + most))
-        lost = f"{100.0 * most / run.until:.2g} % of that energy a second, {share:.2g} % in the run"
+        lost = f"{100.0 * most / parts.until:.2g} % of that energy a second, {share:.2g} % in the run"
         cause = f"{name} runs inside {called(wall)} at up to {speed:.3g} m/s, {rho:.3g} m from its middle"
         cause += f": a step of {run.step:g} s loses about {lost} (estimate without friction and hits)"
         yield Finding(("run", "step"), cause, safe)

@@ -15,7 +15,7 @@ from carom.scene.tables.laws import fault_at, value_at
 from carom.scene.tables.model import Contact
 
 if TYPE_CHECKING:
-    from carom.scene.checks.rules import Parts
+    from carom.scene.checks.rules import Parts, Whole
 
 METHODS = ("nsga", "moreau")
 """Methods in time whose contacts know a box that deforms."""
@@ -69,10 +69,10 @@ def _rough_walls(parts: Parts) -> Iterator[Finding]:
             yield Finding(("contact", i, "friction"), cause, cure)
 
 
-def advise_deformation(parts: Parts) -> Iterator[Finding]:
+def advise_deformation(parts: Whole) -> Iterator[Finding]:
     """Neighbours pass each other in a step where it strains the box too far."""
-    deformation, run = _of(parts), parts.run
-    if deformation is None or run is None or run.until is None:
+    deformation, run = parts.world.deformation, parts.run
+    if deformation is None:
         return
     worst = 0.0
     for time in _times(parts).tolist():
@@ -123,7 +123,7 @@ def _times(parts: Parts) -> F64:
 
 def least_lengths(parts: Parts) -> list[tuple[float, float]]:
     """The shortest length of the periodic box along each axis, m, and when it is so, s; length 0 where nothing repeats."""
-    periods = (parts.world.periodic if parts.world is not None else None) or (0.0, 0.0, 0.0)
+    periods = parts.periods or (0.0, 0.0, 0.0)
     deformation = _of(parts)
     stretch = deformation.stretch if deformation is not None else None
     found = []

@@ -24,11 +24,11 @@ from carom.arrays import F64
 from carom.errors import quoted
 from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot
-from carom.scene.checks.rules import Parts
+from carom.scene.checks.rules import Whole
 from carom.scene.messages import Finding
 from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.laws import value_at
-from carom.scene.tables.model import Contact, World
+from carom.scene.tables.model import Contact
 
 WORTH_TELLING = 0.02
 """Gain over the kinetic energy before the impact from which a message warns of it."""
@@ -156,12 +156,11 @@ class _Partner:
         return self.wall is not None and not self.rests
 
 
-def advise_gain(parts: Parts, world: World) -> Iterator[Finding]:
+def advise_gain(parts: Whole) -> Iterator[Finding]:
     """For each contact law the largest gain of an impact on a contact of it and another one."""
-    run = parts.run
-    if run is None or run.options()["method"] == "penalty":
+    options = parts.run.options()
+    if options["method"] == "penalty":
         return
-    options = run.options()
     impact = LAWS[options["impact"]]
     for i, contact in parts.contacts():
         for key, usual in (("tangential_restitution", 0.0), ("stiffness_ratio", 1.0)):
@@ -175,7 +174,7 @@ def advise_gain(parts: Parts, world: World) -> Iterator[Finding]:
     guarded = options["energy_safeguard"] and impact.energy
     laws = dict(parts.contacts())
     worst: dict[int, tuple[float, int, str]] = {}
-    for law, other, share, safe in _gains(parts, world, guarded, printed):
+    for law, other, share, safe in _gains(parts, guarded, printed):
         if share > worst.get(law, (WORTH_TELLING,))[0]:
             worst[law] = (share, other, safe)
     for i, (share, other, safe) in sorted(worst.items()):
@@ -194,7 +193,7 @@ def advise_gain(parts: Parts, world: World) -> Iterator[Finding]:
         yield Finding(("contact", i, "restitution"), cause, cure)
 
 
-def _gains(parts: Parts, world: World, guarded: bool, paper: bool) -> Iterator[tuple[int, int, float, str]]:
+def _gains(parts: Whole, guarded: bool, paper: bool) -> Iterator[tuple[int, int, float, str]]:
     """(law, other law, gain, cure) of every pair of contacts that a ball can have; `law` has the larger restitution.
 
     Where the energy safeguard is at work, pairs that meet by chance alone are left out: those with a wall that no weight
@@ -223,7 +222,7 @@ def _gains(parts: Parts, world: World, guarded: bool, paper: bool) -> Iterator[t
         for wall in parts.walls():
             if wall.kind in FLAT and (found := laws.get(frozenset((names[kind], wall.material)))):
                 side = _side(found[1])
-                if dot(world.gravity, wall.shape[1]) < 0:
+                if dot(parts.world.gravity, wall.shape[1]) < 0:
                     side = replace(side, normal=0.0, tangential=side.tangential if paper else 0.0, rests=True)
                 partners.append(_Partner(found[0], side, wall=wall))
         for a, b in combinations_with_replacement(partners, 2):

@@ -20,7 +20,7 @@ from carom.scene.tables.flow import Inflow, Outlet, Region
 from carom.scene.tables.loads import ALL
 
 if TYPE_CHECKING:
-    from carom.scene.checks.rules import Parts
+    from carom.scene.checks.rules import Parts, Whole
 
 SLIGHT = 1e-9
 """Share of a region, or of a period, that is rounding where regions meet."""
@@ -85,7 +85,7 @@ def _outlets(parts: Parts) -> list[Outlet]:
 
 
 def _periods(parts: Parts) -> tuple[float, float, float]:
-    return (parts.world.periodic if parts.world is not None else None) or (0.0, 0.0, 0.0)
+    return parts.periods or (0.0, 0.0, 0.0)
 
 
 def _leave(parts: Parts, outlet: Outlet, region: Region) -> tuple[bool, bool]:
@@ -114,16 +114,15 @@ def _within(parts: Parts, outlet: Outlet, points: F64) -> Bool:
     return np.asarray((covered | ((image >= low) & (image <= high))).all(axis=1))
 
 
-def advise_flow(parts: Parts) -> Iterator[Finding]:
+def advise_flow(parts: Whole) -> Iterator[Finding]:
     """Inflows that lose balls or let none in, and outlets that take what is there at the start."""
-    run = parts.run
     for i, inflow in parts.entries["inflow"]:
         assert isinstance(inflow, Inflow)
         if any(_leave(parts, outlet, inflow.region)[0] for outlet in _outlets(parts)):
             cause = "balls that enter in a part of the region leave at once: an outlet removes them there"
             yield Finding(("inflow", i, "region"), cause, "move the region or the outlet")
-        if run is not None and run.until is not None and inflow.start > run.until:
-            cause = f"no ball enters: the run ends at {run.until:g} s, before {inflow.start:g} s"
+        if inflow.start > parts.until:
+            cause = f"no ball enters: the run ends at {parts.until:g} s, before {inflow.start:g} s"
             yield Finding(("inflow", i, "start"), cause, "give an earlier start or a longer until")
     if not parts.entries["outlet"]:
         return

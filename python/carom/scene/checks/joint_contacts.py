@@ -28,7 +28,7 @@ from carom.scene.tables.walls import PLANE
 
 if TYPE_CHECKING:
     from carom.scene.assembly.placing import Placed
-    from carom.scene.checks.rules import Parts
+    from carom.scene.checks.rules import Whole
 
 TOUCHING = 1e-6
 """Gap, in radii, up to which a contact counts as closed: joints keep a gap, so that a rounded position never closes."""
@@ -68,7 +68,7 @@ class Touch(NamedTuple):
     material: str
 
 
-def advise_joint_contacts(parts: Parts) -> Iterator[Finding]:
+def advise_joint_contacts(parts: Whole) -> Iterator[Finding]:
     """Joints that hold the normal of a contact whose friction is wanted, each contact with its joints."""
     if not parts.entries["joint"]:
         return
@@ -100,7 +100,7 @@ def advise_joint_contacts(parts: Parts) -> Iterator[Finding]:
             return
 
 
-def _touches(parts: Parts, systems: Joined) -> Iterator[Touch]:
+def _touches(parts: Whole, systems: Joined) -> Iterator[Touch]:
     """Contacts of balls with joints that are closed at the start, or that prescribed motion could close."""
     bodies, materials = parts.bodies(), parts.materials()
     held = sorted(systems.around)
@@ -114,21 +114,20 @@ def _touches(parts: Parts, systems: Joined) -> Iterator[Touch]:
         ).tolist():
             normal = normals(wall, position[k : k + 1])[0]
             yield Touch(held[k], None, normal, float(gap[k]), wall, called(wall), wall.material)
-    periods = parts.world.periodic if parts.world is not None else None
     joints = [joint for _, joint in parts.entries["joint"] if isinstance(joint, Joint)]
     free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), bodies.radius)
-    for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, periods):
+    for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, parts.periods):
         a, b = held[i], held[j]
         if free.holds(np.array([a]), np.array([b]))[0]:
             continue
         away = bodies.position[a] - bodies.position[b]
-        for k, period in enumerate(periods or ()):
+        for k, period in enumerate(parts.periods or ()):
             away[k] -= period * round(away[k] / period) if period else 0.0
         normal, other = away / np.linalg.norm(away), quoted(bodies.names[b])
         yield Touch(a, b, normal, apart, None, other, materials[bodies.material[b]])
 
 
-def _taken(parts: Parts, systems: Joined, touch: Touch) -> tuple[list[int], str] | None:
+def _taken(parts: Whole, systems: Joined, touch: Touch) -> tuple[list[int], str] | None:
     """The joints that take its load, and when if not from the start; None if they leave the contact its load."""
     bodies = parts.bodies()
     law = _law(parts, parts.materials()[bodies.material[touch.a]], touch.material)
@@ -172,7 +171,7 @@ def _friction(law: Contact) -> bool:
     return isinstance(law.friction, dict) or law.friction > 0
 
 
-def _law(parts: Parts, *pair: str) -> Contact | None:
+def _law(parts: Whole, *pair: str) -> Contact | None:
     return next((law for _, law in parts.contacts() if sorted(law.between) == sorted(pair)), None)
 
 
@@ -214,7 +213,7 @@ def _share_of(system: Group, row: dict[int, F64]) -> dict[int, F64] | None:
     return found
 
 
-def _at_rest(parts: Parts, systems: Joined, row: dict[int, F64]) -> bool:
+def _at_rest(parts: Whole, systems: Joined, row: dict[int, F64]) -> bool:
     """Whether the joints hold this motion, too, and let nothing move: then there is nothing to brake."""
     share = _share(systems, row)
     return share is not None and not any(_moves(systems, joint) for joint in share)
@@ -224,12 +223,10 @@ def _moves(systems: Joined, joint: int) -> bool:
     return any(isinstance(row.law, dict) for row in systems.rows[joint].rows)
 
 
-def _closes(parts: Parts, systems: Joined, touch: Touch, load: dict[int, F64]) -> float | None:
+def _closes(parts: Whole, systems: Joined, touch: Touch, load: dict[int, F64]) -> float | None:
     """When the joints close a contact with a plane that is open at the start, s; None if they don't."""
-    run, wall = parts.run, touch.wall
-    if run is None or run.until is None or wall is None:
-        return None
-    if wall.motion is not None and wall.motion.rotation is not None:
+    wall = touch.wall
+    if wall is None or (wall.motion is not None and wall.motion.rotation is not None):
         return None
     rows = {i: systems.rows[i].rows for i in load}
     laws = [(c, row.law) for i, share in load.items() for c, row in zip(share, rows[i], strict=True)]
@@ -241,7 +238,7 @@ def _closes(parts: Parts, systems: Joined, touch: Touch, load: dict[int, F64]) -
     ]
     begun = sum(c * value_at(law, 0.0) for c, law in laws)
     least = TOUCHING * float(parts.bodies().radius[touch.a])
-    for time in np.linspace(0.0, run.until, SAMPLES + 1).tolist():
+    for time in np.linspace(0.0, parts.until, SAMPLES + 1).tolist():
         if touch.gap + sum(c * value_at(law, time) for c, law in laws) - begun <= least:
             return float(time)
     return None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.arrays import F64
+from carom.arrays import F64, connected
 from carom.errors import quoted
 from carom.scene.assembly.bodies import Bodies
 from carom.scene.assembly.mechanics import GROUND_INDEX, Row, Rows, joint_rows, numbers, spring_ends
@@ -250,20 +250,13 @@ def groups(parts: Parts, most: int) -> Iterator[Group]:
     bodies = parts.bodies()
     number = numbers(bodies)
     joints = [(i, joint_rows(j, bodies, number)) for i, j in parts.entries["joint"] if isinstance(j, Joint)]
-    leader: dict[int, int] = {}
-
-    def find(body: int) -> int:
-        while leader.setdefault(body, body) != body:
-            leader[body] = leader[leader[body]]
-            body = leader[body]
-        return body
-
-    for _, of in joints:
-        if of.b != GROUND_INDEX:
-            leader[find(of.b)] = find(of.a)
+    pairs = np.array([(of.a, of.b) for _, of in joints if of.b != GROUND_INDEX], dtype=np.int64).reshape(
+        -1, 2
+    )
+    label = connected(len(bodies.names), *pairs.T)
     groups: dict[int, list[tuple[int, Rows]]] = {}
     for i, of in joints:
-        groups.setdefault(find(of.a), []).append((i, of))
+        groups.setdefault(int(label[of.a]), []).append((i, of))
     h = 0.01 * parts.run.step if parts.run is not None else 0.0
     for group in groups.values():
         if sum(len(of.rows) for _, of in group) > most:

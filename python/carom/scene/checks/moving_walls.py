@@ -17,7 +17,7 @@ from carom.scene.messages import Finding
 from carom.scene.tables.laws import LawValue, fault_at, value_at
 
 if TYPE_CHECKING:
-    from carom.scene.checks.rules import Parts
+    from carom.scene.checks.rules import Whole
     from carom.scene.tables.free import Free
     from carom.scene.tables.motion import Motion
     from carom.scene.toml.lines import Path
@@ -40,12 +40,9 @@ speed and passes `JUMP` in that part passes `WALL_TRAVEL` in the step.
 """
 
 
-def _advise_narrow_cones(parts: Parts) -> Iterator[Finding]:
+def _advise_narrow_cones(parts: Whole) -> Iterator[Finding]:
     """Cones from inside whose narrow end holds a ball: it would touch a whole ring, and a wall is touched at one point."""
-    bodies = parts.bodies()
-    if not bodies.names:
-        return
-    largest = float(bodies.radius.max())
+    largest = float(parts.bodies().radius.max())
     for wall in parts.walls():
         if wall.shape[0] != "cone" or not wall.shape[5]:
             continue
@@ -60,7 +57,7 @@ def _advise_narrow_cones(parts: Parts) -> Iterator[Finding]:
             )
 
 
-def advise_walls(parts: Parts) -> Iterator[Finding]:
+def advise_walls(parts: Whole) -> Iterator[Finding]:
     """Laws of motion that break off or jump within the run, walls that are fast for the step, slip that does nothing."""
     yield from _advise_narrow_cones(parts)
     told: set[tuple[str, int]] = set()
@@ -73,11 +70,8 @@ def advise_walls(parts: Parts) -> Iterator[Finding]:
         if wall.section != "box":
             yield from _advise_slip(wall, motion)
         told.add(place)
-        end = None if parts.run is None else parts.run.until
-        if motion.until is not None and end is not None and motion.until >= end:
-            cause = (
-                f"the wall stays: the run ends at {end:g} s, and it would be taken away at {motion.until:g} s"
-            )
+        if motion.until is not None and motion.until >= parts.until:
+            cause = f"the wall stays: the run ends at {parts.until:g} s, and it would be taken away at {motion.until:g} s"
             yield Finding((*place, "motion"), cause, "give an earlier until of the motion, or a longer run")
         broken = list(_advise_breaks(parts, wall, motion))
         yield from broken
@@ -106,12 +100,9 @@ def _laws(motion: Motion) -> list[tuple[LawValue, str]]:
     return laws + ([(motion.rotation.law(), "rotation")] if motion.rotation is not None else [])
 
 
-def _advise_breaks(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Finding]:
-    run = parts.run
-    if run is None or run.until is None:
-        return
+def _advise_breaks(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Finding]:
     for law, key in _laws(motion):
-        for t in np.linspace(0.0, run.until, SAMPLES + 1).tolist():
+        for t in np.linspace(0.0, parts.until, SAMPLES + 1).tolist():
             if not math.isfinite(value_at(law, t)):
                 cause = f"{key} has no finite value at t = {t:.4g} s{fault_at(law, t)}"
                 cure = "the run would stop there: change the law or until"
@@ -119,11 +110,11 @@ def _advise_breaks(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Findi
                 break
 
 
-def _advise_travel(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Finding]:
+def _advise_travel(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Finding]:
     run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or motion.translation is None or not bodies.names:
+    if motion.translation is None:
         return
-    times = np.linspace(0.0, run.until, SAMPLES + 1).tolist()
+    times = np.linspace(0.0, parts.until, SAMPLES + 1).tolist()
     path = (wall.section, wall.index, "motion")
     here = np.array([[value_at(law, t) for law in motion.translation] for t in times])
     there = np.array([[value_at(law, t + run.step) for law in motion.translation] for t in times])
@@ -139,17 +130,14 @@ def _advise_travel(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Findi
     yield from _advise_way(path, wall, run.step, travel, run.step * WALL_TRAVEL / max(travel, WALL_TRAVEL))
 
 
-def _advise_free(parts: Parts, wall: Placed, free: Free) -> Iterator[Finding]:
+def _advise_free(parts: Whole, wall: Placed, free: Free) -> Iterator[Finding]:
     """A light wall that a force drives far in a step: contacts are sought where it would be without balls."""
     run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or not bodies.names:
-        return
-    law, times = free.law(), np.linspace(0.0, run.until, SAMPLES + 1).tolist()
+    law, times = free.law(), np.linspace(0.0, parts.until, SAMPLES + 1).tolist()
     force = max(abs(value_at(law, t)) for t in times)
     if free.follows():
         surfaces = parts.walls()
-        periods = parts.world.periodic if parts.world is not None else None
-        force *= area(surfaces.index(wall), surfaces, periods)
+        force *= area(surfaces.index(wall), surfaces, parts.periods)
     by_force = 0.5 * force / free.mass * run.step**2
     travel = (by_force + abs(free.velocity) * run.step) / float(bodies.radius.min())
     if math.isfinite(travel):
@@ -164,13 +152,11 @@ def _advise_way(path: Path, wall: Placed, step: float, travel: float, safe: floa
         yield Finding(path, cause, f"balls may be passed unnoticed: step = {safe:.1g} is safe")
 
 
-def _advise_jumps(parts: Parts, wall: Placed, motion: Motion) -> Iterator[Finding]:
-    run, bodies = parts.run, parts.bodies()
-    if run is None or run.until is None or not bodies.names:
-        return
+def _advise_jumps(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Finding]:
+    bodies = parts.bodies()
     for law, key in _laws(motion):
         radius = float(bodies.radius.min()) if key == "translation" else 1.0
-        found = first_jump(law, run.until, run.step, JUMP * radius)
+        found = first_jump(law, parts.until, parts.run.step, JUMP * radius)
         if found is None:
             continue
         time, size = found

@@ -16,8 +16,7 @@ from carom.scene.tables.flow import Inflow
 from carom.scene.tables.options import loads_once
 
 if TYPE_CHECKING:
-    from carom.scene.checks.rules import Parts
-    from carom.scene.tables.model import World
+    from carom.scene.checks.rules import Whole
 
 MANY_BALLS = 100
 """Balls from which a scene under gravity is taken for a pile. `carom run pile.toml --set N=100 --until 0.3` takes 0.3 s
@@ -39,18 +38,17 @@ LEVEL = 1e-6
 """Cosine of the angle of a level or upright wall to the one that is exactly so, or one less it."""
 
 
-def advise_piles(parts: Parts, world: World) -> Iterator[Finding]:
+def advise_piles(parts: Whole) -> Iterator[Finding]:
     """Many balls that gravity brings together: what makes a run slow, or stop."""
-    run = parts.run
-    if run is None or not any(world.gravity) or not parts.walls():
+    if not any(parts.world.gravity) or not parts.walls():
         return
-    options = run.options()
+    options = parts.run.options()
     tolerance = options["pile_tolerance"]
     printed = not loads_once(options) and loads_once(options | {"position_friction": "once"})
     if tolerance >= COARSE and not printed:
         return
     here, coming = int(parts.bodies().present.sum()), _entering(parts)
-    if here + coming >= MANY_BALLS and (coming or not _spread_out(parts, world)):
+    if here + coming >= MANY_BALLS and (coming or not _spread_out(parts)):
         many = f"{here + coming} balls" + (f", {coming} of them by inflows," if coming else "")
         pile = f"{many} under gravity make a pile"
         if printed:
@@ -65,9 +63,9 @@ def advise_piles(parts: Parts, world: World) -> Iterator[Finding]:
             yield Finding(("run", "pile_tolerance"), cause, cure)
 
 
-def _entering(parts: Parts) -> int:
+def _entering(parts: Whole) -> int:
     """Balls that enter within the run, as far as the rates of the inflows say."""
-    until, total = (parts.run.until if parts.run is not None else None) or 0.0, 0
+    until, total = parts.until, 0
     for _, inflow in parts.entries["inflow"]:
         assert isinstance(inflow, Inflow)
         if inflow.start <= until:
@@ -76,13 +74,13 @@ def _entering(parts: Parts) -> int:
     return total
 
 
-def _spread_out(parts: Parts, world: World) -> bool:
+def _spread_out(parts: Whole) -> bool:
     """Whether the balls lie or fall side by side, too far apart to touch in numbers, where nothing leads them together.
 
     Level floors and upright walls lead nothing together; slopes, bowls and funnels may.
     """
     bodies = parts.bodies()
-    up = np.array(scaled(world.gravity))
+    up = np.array(scaled(parts.world.gravity))
     for wall in parts.walls():
         slope = abs(float(np.array(wall.shape[1]) @ up)) if wall.kind in FLAT else 0.5
         if LEVEL < slope < 1.0 - LEVEL:

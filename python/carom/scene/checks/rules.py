@@ -51,16 +51,15 @@ class Parts:
     _walls: list[Placed] | None = field(default=None, repr=False)
     _bodies: Bodies | None = field(default=None, repr=False)
 
-    @classmethod
-    def of(cls, tree: Scenario) -> Parts:
-        entries = {name: list(enumerate(getattr(tree, name))) for name in SECTIONS}
-        return cls(tree.run, entries, world=tree.world, record=tree.record)
-
     def materials(self) -> list[str]:
         return [t.name for _, t in self.entries["material"] if isinstance(t, Material)]
 
     def contacts(self) -> list[tuple[int, Contact]]:
         return [(i, t) for i, t in self.entries["contact"] if isinstance(t, Contact)]
+
+    @property
+    def periods(self) -> tuple[float, float, float] | None:
+        return self.world.periodic if self.world is not None else None
 
     def walls(self) -> list[Placed]:
         """All walls, in the order of the core."""
@@ -82,6 +81,24 @@ class Parts:
         section, index = self.bodies().origin(body)
         keys = {"sphere": "position", "rack": "apex", "lattice": "origin", "clump": "position"}
         return section, index, keys.get(section, "region")
+
+
+class Whole(Parts):
+    """The tables of a scenario that was read without errors; once `check` found none it has balls and an end."""
+
+    run: RunBase
+    world: World
+    record: Record
+
+    @classmethod
+    def of(cls, tree: Scenario) -> Whole:
+        entries = {name: list(enumerate(getattr(tree, name))) for name in SECTIONS}
+        return cls(tree.run, entries, world=tree.world, record=tree.record)
+
+    @property
+    def until(self) -> float:
+        assert self.run.until is not None
+        return self.run.until
 
 
 BALLS = ("sphere", "rack", "lattice", "clump", "inflow")
@@ -111,7 +128,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     yield from bad_numbers
     if not bad_numbers:
         yield from check_walls(parts)
-        yield from check_periodic(parts, parts.world)
+        yield from check_periodic(parts)
         yield from check_areas(parts)
         yield from check_size(parts)
         yield from check_flow(parts)
@@ -303,9 +320,8 @@ def _overlaps(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
     there = np.flatnonzero(bodies.present)
     position, radius = bodies.position[there], bodies.radius[there]
-    periods = parts.world.periodic if parts.world is not None else None
     together = bodies.clump[there]
-    for first, second, gap in overlaps(position, radius, start_overlap(parts), MOST, periods, together):
+    for first, second, gap in overlaps(position, radius, start_overlap(parts), MOST, parts.periods, together):
         a, b = int(there[first]), int(there[second])
         names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
         cause = f"spheres {names} overlap at the start, gap {gap:.4g} m"

@@ -15,7 +15,6 @@ from carom.scene.assembly.placing import Placed
 from carom.scene.assembly.vectors import cross, norm, scaled
 from carom.scene.checks.deformation import least_lengths
 from carom.scene.messages import Finding
-from carom.scene.tables.model import World
 from carom.scene.tables.quantities import Vec3, unit
 from carom.scene.tables.walls import PLANE, WALLS, Box
 
@@ -138,9 +137,9 @@ def _other_side(wall: Placed, depth: float, radius: float) -> str:
     return ""
 
 
-def check_periodic(parts: Parts, world: World | None) -> Iterator[Finding]:
+def check_periodic(parts: Parts) -> Iterator[Finding]:
     """A periodic world has room for its balls, and its walls look the same from period to period."""
-    periods = world.periodic if world is not None else None
+    periods = parts.periods
     if periods is None or not any(periods):
         return
     bodies = parts.bodies()
