@@ -23,8 +23,8 @@ MOST = 20
 """Wrong names that are listed; more say nothing new."""
 LISTED = 2000
 """Names among which the nearest is looked for."""
-SAMPLES = 200
-"""Times of a run at which its laws are looked at."""
+SLIPS = 200
+"""Speeds of slip at which laws of friction are looked at."""
 FEW_STEPS = 20
 """Steps per period of a spring below which its motion is inaccurate."""
 
@@ -122,7 +122,7 @@ def advise_loads(parts: Whole) -> Iterator[Finding]:
 
 def _laws(parts: Whole) -> Iterator[Finding]:
     """Laws of the time that break off within the run, rods that vanish in it."""
-    times = np.linspace(0.0, parts.until, SAMPLES + 1)
+    times = parts.times()
     for section, keys in (("joint", ("length", "displacement", "angle")), ("load", ("force", "torque"))):
         for i, table in parts.entries[section]:
             for key in keys:
@@ -133,9 +133,9 @@ def _laws(parts: Whole) -> Iterator[Finding]:
 
 
 def _broken(
-    path: tuple[str, int, str], law: LawValue, times: np.ndarray, *, positive: bool
+    path: tuple[str, int, str], law: LawValue, times: list[float], *, positive: bool
 ) -> Iterator[Finding]:
-    for t in times.tolist():
+    for t in times:
         value = value_at(law, t)
         if not math.isfinite(value):
             cause = f"has no finite value at t = {t:.4g} s{fault_at(law, t)}"
@@ -171,7 +171,7 @@ def _friction(parts: Parts) -> Iterator[Finding]:
     surface += bodies.radius * np.linalg.norm(bodies.angular_velocity, axis=1)
     fastest = 2.0 * float(surface.max())
     for i, law in laws:
-        for v in np.linspace(0.0, fastest, SAMPLES + 1).tolist():
+        for v in np.linspace(0.0, fastest, SLIPS + 1).tolist():
             mu = value_at(law.friction, v)
             if not mu >= 0:
                 cause = f"the coefficient is {mu:.4g} at a slip of {v:.4g} m/s"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.arrays import F64
 from carom.scene.messages import Finding
 from carom.scene.tables.deformation import AXES, Deformation
 from carom.scene.tables.laws import fault_at, value_at
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
 
 METHODS = ("nsga", "moreau")
 """Methods in time whose contacts know a box that deforms."""
-SAMPLES = 200
-"""Times of a run at which the box is looked at."""
 KEY = ("world", "deformation")
 MOST_STRAIN = 0.1
 """Strain of the box in a step from which on its neighbours pass each other by a fifth of a radius."""
@@ -75,7 +72,7 @@ def advise_deformation(parts: Whole) -> Iterator[Finding]:
     if deformation is None:
         return
     worst = 0.0
-    for time in _times(parts).tolist():
+    for time in parts.times():
         gradient = deformation.velocity_gradient(time, run.step)
         worst = max(worst, run.step * float(np.abs(gradient).max()))
     if MOST_STRAIN < worst < math.inf:
@@ -104,7 +101,7 @@ def _laws(parts: Parts, deformation: Deformation) -> Iterator[Finding]:
     laws = [(law, ("stretch", k)) for k, law in enumerate(deformation.stretch or ())]
     shear = [] if deformation.shear is None else [(deformation.shear, ("shear",))]
     for law, place in (*laws, *shear):
-        for time in _times(parts).tolist():
+        for time in parts.times():
             value = value_at(law, time)
             if not math.isfinite(value):
                 cause = f"has no finite value at t = {time:.4g} s{fault_at(law, time)}"
@@ -116,11 +113,6 @@ def _laws(parts: Parts, deformation: Deformation) -> Iterator[Finding]:
                 break
 
 
-def _times(parts: Parts) -> F64:
-    until = parts.run.until if parts.run is not None else None
-    return np.linspace(0.0, until or 0.0, SAMPLES + 1) if until else np.zeros(1)
-
-
 def least_lengths(parts: Parts) -> list[tuple[float, float]]:
     """The shortest length of the periodic box along each axis, m, and when it is so, s; length 0 where nothing repeats."""
     periods = parts.periods or (0.0, 0.0, 0.0)
@@ -128,8 +120,8 @@ def least_lengths(parts: Parts) -> list[tuple[float, float]]:
     stretch = deformation.stretch if deformation is not None else None
     found = []
     for period, law in zip(periods, stretch or (1.0, 1.0, 1.0), strict=True):
-        times = _times(parts) if isinstance(law, dict) and period else np.zeros(1)
-        values = np.array([value_at(law, t) for t in times.tolist()])
+        times = parts.times() if isinstance(law, dict) and period else [0.0]
+        values = np.array([value_at(law, t) for t in times])
         values = np.where(
             np.isfinite(values) & (values > 0), values, 1.0
         )  # others are reported by themselves

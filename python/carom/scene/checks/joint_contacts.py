@@ -40,8 +40,6 @@ MOST_NAMED = 3
 """Joints that one message names."""
 MOST_TOLD = 20
 """Contacts that a message lists."""
-SAMPLES = 200
-"""Times of a run at which the gap is looked at that joints and walls prescribe."""
 
 
 class Joined(NamedTuple):
@@ -238,7 +236,7 @@ def _closes(parts: Whole, systems: Joined, touch: Touch, load: dict[int, F64]) -
     ]
     begun = sum(c * value_at(law, 0.0) for c, law in laws)
     least = TOUCHING * float(parts.bodies().radius[touch.a])
-    for time in np.linspace(0.0, parts.until, SAMPLES + 1).tolist():
+    for time in parts.times():
         if touch.gap + sum(c * value_at(law, time) for c, law in laws) - begun <= least:
-            return float(time)
+            return time
     return None

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from carom.scene.tables.motion import Motion
     from carom.scene.toml.lines import Path
 
-SAMPLES = 200
-"""Times of a run at which the motion of walls is looked at."""
 WALL_TRAVEL = 0.5
 """Travel of a wall per step, in the smallest radii, above which a ball may be deep in it before it is noticed."""
 FASTEST = 1e12
@@ -102,7 +100,7 @@ def _laws(motion: Motion) -> list[tuple[LawValue, str]]:
 
 def _advise_breaks(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Finding]:
     for law, key in _laws(motion):
-        for t in np.linspace(0.0, parts.until, SAMPLES + 1).tolist():
+        for t in parts.times():
             if not math.isfinite(value_at(law, t)):
                 cause = f"{key} has no finite value at t = {t:.4g} s{fault_at(law, t)}"
                 cure = "the run would stop there: change the law or until"
@@ -114,7 +112,7 @@ def _advise_travel(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findi
     run, bodies = parts.run, parts.bodies()
     if motion.translation is None:
         return
-    times = np.linspace(0.0, parts.until, SAMPLES + 1).tolist()
+    times = parts.times()
     path = (wall.section, wall.index, "motion")
     here = np.array([[value_at(law, t) for law in motion.translation] for t in times])
     there = np.array([[value_at(law, t + run.step) for law in motion.translation] for t in times])
@@ -133,8 +131,8 @@ def _advise_travel(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findi
 def _advise_free(parts: Whole, wall: Placed, free: Free) -> Iterator[Finding]:
     """A light wall that a force drives far in a step: contacts are sought where it would be without balls."""
     run, bodies = parts.run, parts.bodies()
-    law, times = free.law(), np.linspace(0.0, parts.until, SAMPLES + 1).tolist()
-    force = max(abs(value_at(law, t)) for t in times)
+    law = free.law()
+    force = max(abs(value_at(law, t)) for t in parts.times())
     if free.follows():
         surfaces = parts.walls()
         force *= area(surfaces.index(wall), surfaces, parts.periods)

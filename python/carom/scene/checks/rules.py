@@ -35,6 +35,9 @@ from carom.scene.tables.model import Contact, Material, Record, Scenario, World
 from carom.scene.tables.options import RunBase
 from carom.scene.tables.walls import WALLS, Wall
 
+SAMPLES = 200
+"""Parts of equal length into which the times of a run are divided where its laws are looked at."""
+
 
 @dataclass
 class Parts:
@@ -60,6 +63,11 @@ class Parts:
     @property
     def periods(self) -> tuple[float, float, float] | None:
         return self.world.periodic if self.world is not None else None
+
+    def times(self) -> list[float]:
+        """Instants of the run at which its laws are looked at, s; the start alone where the end is not known."""
+        until = self.run.until if self.run is not None else None
+        return np.linspace(0.0, until, SAMPLES + 1).tolist() if until else [0.0]
 
     def walls(self) -> list[Placed]:
         """All walls, in the order of the core."""
