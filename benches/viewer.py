@@ -16,7 +16,6 @@ import sys
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from carom.show.viewer import write_html
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from browser import Browser, find_browser
+from view_scenes import Shown, Table
 
 AIM_MS = 8.0
 RADIUS, RATE, SPIN = 0.01, 3.0, 10.0  # m, rad/s, rad/s
@@ -101,7 +101,7 @@ def crowd(balls: int, frames: int, contacts: int = 0) -> Any:
         velocity[row] = RADIUS * RATE * np.stack([-way[:, 1], way[:, 0], 0 * angle], -1)
         orientation[row, :, 0] = np.cos(0.5 * SPIN * t)
         orientation[row, :, 1:] = np.sin(0.5 * SPIN * t) * axis
-    run = SimpleNamespace(
+    run = Shown(
         time=time,
         position=position,
         orientation=orientation,
@@ -114,7 +114,7 @@ def crowd(balls: int, frames: int, contacts: int = 0) -> Any:
     )
     if contacts:
         first, each = np.tile(np.arange(balls), contacts), contacts * balls
-        run.contacts = Contacts(
+        run.contacts = Table(
             body=np.tile(np.stack([first, (first + 1) % balls], 1), (frames - 1, 1)),
             status=np.tile(1 + first % 2, frames - 1),
             normal=np.tile([1.0, 0.0, 0.0], (each * (frames - 1), 1)),
@@ -122,12 +122,6 @@ def crowd(balls: int, frames: int, contacts: int = 0) -> Any:
         )
         run.contacts.ends = each * np.arange(frames)
     return run
-
-
-class Contacts(dict[str, Any]):
-    """A table of a result, as far as the viewer asks for it."""
-
-    ends: Any
 
 
 def measure(browser: Browser, pictures: int) -> Cost:

@@ -79,10 +79,13 @@ def test_the_mark_moves_no_ball(shot: carom.Result) -> None:
 
 
 @pytest.mark.parametrize("text", ["[billiard_table]", "[billiard_table]\nlength = -1", "[billiard_table", ""])
-def test_a_damaged_mark_is_none(shot: carom.Result, tmp_path: Path, text: str) -> None:
+def test_a_damaged_mark_is_none_and_the_motion_is_still_seen(
+    shot: carom.Result, tmp_path: Path, text: str
+) -> None:
     copy = shot.save(tmp_path / "copy")
     (copy.path / "scenario.toml").write_text(text)
     assert table_of(copy) is None
+    assert "table" not in page(copy, tmp_path / "view.html").facts
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from carom import Scene
+from carom.errors import CaromError
 from carom.show.viewer import codec, write_html
 from carom.show.viewer import happenings as module
 from test_view_page import Page
-from view_scenes import Table, billiard, struck
+from view_scenes import Shown, Table, billiard, struck
 
 FRAMES = 200
 
@@ -118,7 +119,7 @@ def test_joints_and_springs_have_their_ends_in_the_axes_of_the_balls(tmp_path: P
     assert spring["to"] == pytest.approx([0.3, 0.635, 0.3])
 
 
-def test_axes_of_joints(tmp_path: Path) -> None:
+def test_axes_of_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = billiard(5)
     run.scene = Scene()
     run.scene.joint("line", body="ball2", direction=[0.0, 0.0, 2.0])
@@ -127,8 +128,15 @@ def test_axes_of_joints(tmp_path: Path) -> None:
     assert (line["name"], line["axes"]) == ("joint1", [[0, 0, 1]])
     assert line["to"] == pytest.approx(run.position[0, 0])  # where the rail passes
     assert lock["axes"] == np.eye(3).tolist()
+
+    def lost(_: Shown) -> Scene:
+        raise CaromError("the copy of the scenario is damaged")
+
     del run.scene
-    assert "links" not in write(run, tmp_path)[1].facts
+    monkeypatch.setattr(Shown, "scene", property(lost))
+    facts = write(run, tmp_path)[1].facts
+    assert "links" not in facts
+    assert "its copy of the scenario cannot be read" in facts["notes"][0]
 
 
 def test_a_run_without_any_of_it_has_a_page_as_before(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from carom.show.viewer.page import MIN_FRAMES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from view_scenes import billiard, drum, turn
+from view_scenes import Shown, billiard, drum, turn
 
 ROOT = Path(__file__).parents[1]
 ASSETS = ROOT / "python" / "carom" / "show" / "viewer" / "assets"
@@ -246,7 +245,7 @@ def test_what_cannot_be_shown_is_said_in_one_line_and_leaves_no_file(tmp_path: P
 
 def test_one_frame_without_planes_or_gravity(tmp_path: Path) -> None:
     run = billiard(1)
-    still = SimpleNamespace(**{k: v for k, v in vars(run).items() if k not in ("gravity", "impacts")})
+    still = Shown(**{k: v for k, v in vars(run).items() if k != "gravity"})
     still.planes = {"name": [], "point": [], "normal": []}
     info, page = write(still, tmp_path)
     assert info.frames == 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from carom import Scene
@@ -12,6 +12,42 @@ from carom.result.walls import Walls
 
 RADIUS = 0.028575
 STEP = 2e-3
+
+
+class Table(dict[str, Any]):
+    """A table of a result, as far as the viewer asks for it; `ends` as that of contacts has it."""
+
+    ends: Any
+
+
+class Shown(SimpleNamespace):
+    """A result, as far as the viewer asks for it; what is not given is as in a run that has none of it."""
+
+    title = ""
+    gravity = np.zeros(3)
+    periodic = boxes = None
+    periodic_origin = np.zeros(3)
+    clumps: ClassVar[dict[str, Any]] = {}
+    flows: tuple[Any, ...] = ()
+    summary: ClassVar[dict[str, int]] = {"truncated_sequences": 0}
+    scene = Scene()
+    impacts = Table(time=np.zeros(0))
+    contacts = Table(status=np.zeros(0))
+    energy = SimpleNamespace(time=np.zeros(0))
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "present":
+            return np.ones(self.position.shape[:2], dtype=bool)
+        if name == "wall_names":
+            return list(self.walls)
+        if name != "walls":
+            raise AttributeError(name)
+        rows = [dict(zip(self.planes, row, strict=True)) for row in zip(*self.planes.values(), strict=True)]
+        still = SimpleNamespace(moves=False)
+        return {
+            row["name"]: SimpleNamespace(name=row["name"], shape="plane", facts=row, motion=still)
+            for row in rows
+        }
 
 
 def turn(rate: Any, time: float) -> Any:
@@ -41,7 +77,7 @@ def billiard(frames: int) -> Any:
     position = start + direction * travelled[:, None, None]
     velocity = direction * np.exp(-time)[:, None, None]
     axis = np.stack([-direction[:, 1] / r, direction[:, 0] / r, np.array([5.0, 0.0, 0.0, 0.0])], -1)
-    return SimpleNamespace(
+    return Shown(
         time=time,
         position=position,
         orientation=np.stack([turn(axis, float(s)) for s in travelled]),
@@ -55,7 +91,6 @@ def billiard(frames: int) -> Any:
             "normal": [[0, 0, 1], [-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0]],
         },
         gravity=np.array([0.0, 0.0, -9.8]),
-        impacts={"time": np.array([0.01, 0.02])},
     )
 
 
@@ -109,7 +144,7 @@ def drum(frames: int) -> Any:
     present[: frames // 3, 0] = False
     present[2 * frames // 3 :, -1] = False
     position[~present] = np.nan
-    result = SimpleNamespace(
+    result = Shown(
         time=time,
         position=position,
         orientation=np.broadcast_to([1.0, 0.0, 0.0, 0.0], (frames, 120, 4)),
@@ -126,12 +161,6 @@ def drum(frames: int) -> Any:
     return result
 
 
-class Table(dict[str, Any]):
-    """A table of a result, as far as the viewer asks for it; `ends` as that of contacts has it."""
-
-    ends: Any
-
-
 def struck(frames: int) -> Any:
     """The four balls of `billiard` with impacts, contacts with the bed, energies, a rod and a spring, all made up.
 
@@ -140,7 +169,6 @@ def struck(frames: int) -> Any:
     run = billiard(frames)
     time, normal = run.time, np.array([-1.0, 0.0, 0.0])
     run.title = "Struck"
-    run.wall_names = run.planes["name"]
     run.impacts = Table(
         time=np.array([0.1] * 5 + [0.3]),
         problem=np.array([0, 1, 2, 2, 3, 1]),

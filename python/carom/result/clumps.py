@@ -111,10 +111,10 @@ class Clump:
         return f"<clump {self.name!r}: {len(self.numbers)} balls, mass {self.mass:g} kg, {len(self.time)} frames>"
 
 
-def rigid(result: Any) -> I64:
+def rigid(result: RunData) -> I64:
     """Number of the rigid body that each ball is or is a part of, (N,), from 0: the balls of a clump have one in common."""
     number = np.arange(len(result.names))
-    for clump in getattr(result, "clumps", {}).values():
+    for clump in result.clumps.values():
         number[clump.numbers] = clump.numbers[0]
     return np.unique(number, return_inverse=True)[1]
 

@@ -14,7 +14,7 @@ def table_of(result: Any) -> Table | None:
     """The table of the kit that a run was made on; None of any other run."""
     try:
         return table_in(result.scene)
-    except (AttributeError, CaromError):
+    except CaromError:
         return None  # a lost or damaged copy of the scenario does not keep the motion from being seen
 
 

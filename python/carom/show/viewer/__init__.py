@@ -4,6 +4,6 @@ The page is written by Python alone. Its program is three.js and our own code, b
 from `viewer/` at the root of the repository and kept here under `assets/`.
 """
 
-from carom.show.viewer.page import Viewable, ViewInfo, write_html
+from carom.show.viewer.page import ViewInfo, write_html
 
-__all__ = ["ViewInfo", "Viewable", "write_html"]
+__all__ = ["ViewInfo", "write_html"]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64, I64, Array
+from carom.result.data import RunData
 from carom.show.viewer import codec
 
 MAX_IMPACTS = 100_000
@@ -35,7 +36,7 @@ class Happenings:
     notes: list[str] = field(default_factory=list)
 
 
-def happenings(result: Any, frames: I64, every: int, budget: float) -> Happenings:
+def happenings(result: RunData, frames: I64, every: int, budget: float) -> Happenings:
     """What happened between the first and the last of the recorded `frames` shown, to one body in `every`.
 
     Impacts and contacts take at most a tenth and three tenths of `budget` bytes.
@@ -46,14 +47,14 @@ def happenings(result: Any, frames: I64, every: int, budget: float) -> Happening
     _contacts(result, frames, bodies, every, int(min(MAX_CONTACTS, 0.3 * budget / BYTES_PER_ROW)), found)
     _energies(result, found)
     if "impact_body" in found.columns or "contact_body" in found.columns:
-        found.facts["wall_names"] = [str(name) for name in getattr(result, "wall_names", ())]
+        found.facts["wall_names"] = list(result.wall_names)
     return found
 
 
-def _impacts(result: Any, bodies: int, every: int, most: int, found: Happenings) -> None:
+def _impacts(result: RunData, bodies: int, every: int, most: int, found: Happenings) -> None:
     """One row per contact and impact problem, in the order of time and of the sequence."""
-    table = getattr(result, "impacts", None)
-    if table is None or "body" not in table or len(table["time"]) == 0:
+    table = result.impacts
+    if len(table["time"]) == 0:
         return
     pair, shown = _pairs(np.asarray(table["body"]), bodies, every)
     impulse = np.asarray(table["impulse"], dtype=np.float64)[shown]
@@ -82,13 +83,12 @@ def _impacts(result: Any, bodies: int, every: int, most: int, found: Happenings)
     }
 
 
-def _contacts(result: Any, frames: I64, bodies: int, every: int, most: int, found: Happenings) -> None:
+def _contacts(result: RunData, frames: I64, bodies: int, every: int, most: int, found: Happenings) -> None:
     """Contacts of the frames shown, or of one in several; the force is the mean since the frame recorded before."""
-    table = getattr(result, "contacts", None)
-    ends = getattr(table, "ends", None)
-    if table is None or ends is None or len(table["status"]) == 0:
+    table = result.contacts
+    if len(table["status"]) == 0:
         return
-    ends = np.asarray(ends).astype(np.int64)
+    ends = np.asarray(table.ends).astype(np.int64)
     starts = np.concatenate([[0], ends[:-1]])
     counts = (ends - starts)[frames]
     stride = max(1, -(-int(counts.sum()) // max(most, 1)))
@@ -113,7 +113,7 @@ def _contacts(result: Any, frames: I64, bodies: int, every: int, most: int, foun
 
 
 def _frames_of(
-    table: Any, result: Any, chosen: I64, starts: I64, ends: I64, bodies: int, every: int
+    table: Any, result: RunData, chosen: I64, starts: I64, ends: I64, bodies: int, every: int
 ) -> Iterator[dict[str, Array]]:
     """Frame by frame pairs, status, normals and forces (N) of the contacts that carry something."""
     time = np.asarray(result.time, dtype=np.float64)
@@ -132,10 +132,10 @@ def _frames_of(
         }
 
 
-def _energies(result: Any, found: Happenings) -> None:
+def _energies(result: RunData, found: Happenings) -> None:
     """Time, kinetic and potential energy after the steps, thinned for a plot; the last step is always in."""
-    energy = getattr(result, "energy", None)
-    if energy is None or len(energy.time) < 2:
+    energy = result.energy
+    if len(energy.time) < 2:
         return
     stride = -(-len(energy.time) // MAX_ENERGIES)
     rows = np.unique(np.append(np.arange(0, len(energy.time), stride), len(energy.time) - 1))

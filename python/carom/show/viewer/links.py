@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from carom.errors import CaromError
+from carom.result.data import RunData
 from carom.scene.assembly.mechanics import arm, joint_rows, numbers, spring_ends
 
 
-def links(result: Any, every: int) -> list[dict[str, Any]]:
+def links(result: RunData, every: int) -> list[dict[str, Any]]:
     """One entry per joint and spring between bodies that are shown (one in `every`), or one and the ground.
 
     `a` and `b` are bodies, -1 the ground; `from` and `to` are the ends, m: of a ball in its own axes, relative to its
@@ -19,7 +20,7 @@ def links(result: Any, every: int) -> list[dict[str, Any]]:
     """
     try:
         scene = result.scene
-    except (AttributeError, CaromError):
+    except CaromError:
         return []  # a lost or damaged copy of the scenario does not keep the motion from being seen
     start: Any = SimpleNamespace(
         names=list(result.names),

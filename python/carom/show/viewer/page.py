@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -44,42 +44,6 @@ MAX_MARKS = 2000
 READ_NUMBERS = 6_000_000
 
 
-class Frames(Protocol):
-    """An array with one row a frame: of NumPy, or one that reads from a file what is indexed."""
-
-    @property
-    def shape(self) -> tuple[int, ...]: ...
-    def __getitem__(self, key: Any, /) -> Any: ...
-
-
-class Viewable(Protocol):
-    """What the viewer asks of a result; `carom.Result` is one.
-
-    The tables are anything that gives a column by its name: `bodies["radius"]`, one a body, and
-    `planes["name"]`, `planes["point"]`, `planes["normal"]`, one a plane. `gravity` (3,), `impacts["time"]`,
-    `walls` (as `carom.result.walls.Walls`), `present` (frame, body), `periodic` (3,), `boxes` (as
-    `carom.result.boxes.Boxes`), the tables `impacts` and `contacts`, `energy` and `scenario` (for joints and springs) are
-    used where there are such.
-    """
-
-    @property
-    def time(self) -> Frames: ...
-    @property
-    def position(self) -> Frames: ...
-    @property
-    def orientation(self) -> Frames: ...
-    @property
-    def velocity(self) -> Frames: ...
-    @property
-    def angular_velocity(self) -> Frames: ...
-    @property
-    def names(self) -> Sequence[str]: ...
-    @property
-    def bodies(self) -> Any: ...
-    @property
-    def planes(self) -> Any: ...
-
-
 @dataclass(frozen=True)
 class ViewInfo:
     """What was written. `notes` says in words what was left out, and the page says the same."""
@@ -94,7 +58,7 @@ class ViewInfo:
 
 
 def write_html(
-    result: Viewable, path: str | os.PathLike[str], *, title: str | None = None, max_mb: float = 100.0
+    result: RunData, path: str | os.PathLike[str], *, title: str | None = None, max_mb: float = 100.0
 ) -> ViewInfo:
     """Write `result` as one HTML file that opens offline, of `max_mb` megabytes (1e6 bytes) at most.
 
@@ -111,7 +75,7 @@ def write_html(
             f"a page of {max_mb:g} MB leaves no room for motion; give --max-mb (max_mb in Python) at least"
             f" {math.ceil(least / 1e4) / 100:g}"
         )
-    title = title or getattr(result, "title", "") or "Carom"
+    title = title or result.title or "Carom"
     budget = int(max_mb * 1e6) - shell.size - 20_000
 
     shape = tuple(result.position.shape)
@@ -142,13 +106,15 @@ def write_html(
     return ViewInfo(target, len(text), frames, frames_recorded, bodies, bodies_recorded, tuple(notes))
 
 
-def _warnings(result: Viewable) -> list[str]:
-    """What a reader should know before looking, as sentences; of other things to view than a run nothing is known."""
-    found = remarks(result) if isinstance(result, RunData) else []
-    return [f"{told[0].upper()}{told[1:]}." for told in found]
+def _warnings(result: RunData) -> list[str]:
+    """What a reader should know before looking, as sentences."""
+    try:
+        return [f"{told[0].upper()}{told[1:]}." for told in remarks(result)]
+    except CaromError:  # does not keep the motion from being seen
+        return ["Warnings of the run are left out: its copy of the scenario cannot be read."]
 
 
-def _check(result: Viewable, shape: tuple[int, ...]) -> None:
+def _check(result: RunData, shape: tuple[int, ...]) -> None:
     if len(shape) != 3 or shape[2] != 3:
         raise CaromError(f"positions must be (frame, body, 3), got {shape}")
     if shape[0] == 0 or shape[1] == 0:
@@ -158,14 +124,14 @@ def _check(result: Viewable, shape: tuple[int, ...]) -> None:
         raise CaromError(f"every one of the {shape[1]} bodies needs a positive radius")
 
 
-def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) -> tuple[dict[str, Any], bytes]:
+def _pack(result: RunData, stride: int, every: int, title: str, budget: int) -> tuple[dict[str, Any], bytes]:
     """The facts (all that is not motion) and the gzip'd motion, of every `stride`-th frame."""
     recorded = result.position.shape[0]
     bodies = slice(None, None, every)
     extra = (recorded - 1) % stride > 0  # the last frame is always in
     frames = np.append(np.arange(0, recorded, stride), [recorded - 1] if extra else []).astype(np.int64)
 
-    def read(array: Frames, columns: slice) -> Array:
+    def read(array: Any, columns: slice) -> Array:
         size = max(
             1, READ_NUMBERS * stride // max(1, int(np.prod(array.shape[1:])))
         )  # some frames, of all bodies
@@ -180,10 +146,8 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
     names = [str(name) for name in result.names][bodies]
     radius = np.asarray(result.bodies["radius"], dtype=np.float64)[bodies]
     time = np.asarray(result.time[:])[frames].astype(np.float64)
-    there = getattr(result, "present", None)
-    present = None if there is None else read(there, bodies).astype(bool)
-    if present is not None and present.all():
-        present = None
+    there = read(result.present, bodies).astype(bool)
+    present = None if there.all() else there
     fold = period(result)
     chunks: list[bytes] = [time.astype("<f8").tobytes()]
     arrays: dict[str, Any] = {"time": {"shape": [len(time)]}}
@@ -246,7 +210,7 @@ def _pack(result: Viewable, stride: int, every: int, title: str, budget: int) ->
         **({"links": tied} if tied else {}),
         **happened.facts,
         "notes": happened.notes,
-        "gravity": _gravity(result),
+        "gravity": (result.gravity if result.gravity.any() else -np.eye(3)[2]).tolist(),
         "marks": _marks(result, time),
         "arrays": arrays,
     }
@@ -261,19 +225,9 @@ def _finite(values: F64, what: str, names: Sequence[str], time: F64) -> F64:
     return values
 
 
-def _gravity(result: Viewable) -> list[float]:
-    gravity = np.asarray(getattr(result, "gravity", (0.0, 0.0, -1.0)), dtype=np.float64)
-    if gravity.shape != (3,) or not np.isfinite(gravity).all() or not gravity.any():
-        return [0.0, 0.0, -1.0]
-    return [float(g) for g in gravity]
-
-
-def _marks(result: Viewable, time: F64) -> list[float]:
+def _marks(result: RunData, time: F64) -> list[float]:
     """Times of impacts, as ticks over the scrub bar; a run with a great many has none worth showing."""
-    table = getattr(result, "impacts", None)
-    if table is None:
-        return []
-    times = np.unique(np.round(np.asarray(table["time"], dtype=np.float64), 9))
+    times = np.unique(np.round(np.asarray(result.impacts["time"], dtype=np.float64), 9))
     times = times[(times >= time[0]) & (times <= time[-1])]
     return [] if len(times) > MAX_MARKS else [float(t) for t in times]
 

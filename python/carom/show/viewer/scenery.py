@@ -11,6 +11,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Bool
 from carom.result.boxes import Boxes
+from carom.result.data import RunData
 from carom.result.record.walls import PARAMETERS, WIDTHS
 from carom.show.surfaces import sharp_edges
 
@@ -32,18 +33,12 @@ class Scenery:
     """(frame, moving wall, 4), scalar part first."""
 
 
-def scenery(result: Any, frames: I64, hidden: Collection[str] = ()) -> Scenery:
-    """The walls of a result, with poses at some of its frames; of a result without `walls`, its planes. Walls that are
-    `hidden` are drawn in another way.
-    """
-    walls: Mapping[str, Any] | None = getattr(result, "walls", None)
-    if walls is None:
-        rows = [dict(row) for row in _rows(result.planes)]
-        return Scenery([_plane(row) for row in rows], [], *_no_poses(len(frames)))
+def scenery(result: RunData, frames: I64, hidden: Collection[str] = ()) -> Scenery:
+    """The walls of a result, with poses at some of its frames. Walls that are `hidden` are drawn in another way."""
     planes: list[dict[str, Any]] = []
     facts: list[dict[str, Any]] = []
     moving: list[Any] = []
-    for wall in walls.values():
+    for wall in result.walls.values():
         if wall.motion.moves:
             end = {"until": wall.motion.until} if math.isfinite(wall.motion.until) else {}
             facts.append({**_wall(wall), **end, "pose": len(moving)})
@@ -55,24 +50,10 @@ def scenery(result: Any, frames: I64, hidden: Collection[str] = ()) -> Scenery:
         else:
             facts.append(_wall(wall))
     if not moving:
-        return Scenery(planes, facts, *_no_poses(len(frames)))
+        return Scenery(planes, facts, np.zeros((len(frames), 0, 3)), np.zeros((len(frames), 0, 4)))
     position = np.stack([np.asarray(wall.position)[frames] for wall in moving], axis=1)
     orientation = np.stack([np.asarray(wall.orientation)[frames] for wall in moving], axis=1)
     return Scenery(planes, facts, position, orientation)
-
-
-def _no_poses(frames: int) -> tuple[F64, F64]:
-    return np.zeros((frames, 0, 3)), np.zeros((frames, 0, 4))
-
-
-def _rows(table: Any) -> list[dict[str, Any]]:
-    names = [n.decode() if isinstance(n, bytes) else str(n) for n in table["name"]]
-    points = np.asarray(table["point"], dtype=np.float64).reshape(-1, 3)
-    normals = np.asarray(table["normal"], dtype=np.float64).reshape(-1, 3)
-    return [
-        {"name": name, "point": point, "normal": normal}
-        for name, point, normal in zip(names, points, normals, strict=True)
-    ]
 
 
 def _plane(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -126,18 +107,16 @@ def held(values: F64, present: Bool) -> F64:
     return found
 
 
-def period(result: Any) -> tuple[Sequence[float], Sequence[float]] | None:
+def period(result: RunData) -> tuple[Sequence[float], Sequence[float]] | None:
     """Periods of the world along x, y, z (0: none) and its lowest corner, m; None of a world without."""
-    found = getattr(result, "periodic", None)
-    if found is None or not np.any(found):
+    if result.periodic is None or not result.periodic.any():
         return None
-    return _vector(found), _vector(getattr(result, "periodic_origin", (0.0, 0.0, 0.0)))
+    return _vector(result.periodic), _vector(result.periodic_origin)
 
 
-def deforming(result: Any) -> Boxes | None:
+def deforming(result: RunData) -> Boxes | None:
     """The periodic boxes of the frames, if they differ."""
-    boxes: Boxes | None = getattr(result, "boxes", None)
-    return boxes if boxes is not None and boxes.deform else None
+    return result.boxes if result.boxes is not None and result.boxes.deform else None
 
 
 def bounds(

@@ -9,6 +9,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.result.clumps import rigid
+from carom.result.data import RunData
 from carom.scene.billiards.look import KINDS, MOST_NUMBERED, ball_looks, by_number
 from carom.scene.billiards.shape import Shape
 from carom.scene.billiards.solid import SURFACES, parts
@@ -48,12 +49,12 @@ def packed_table(shape: Shape, origin: F64) -> Iterator[tuple[str, codec.Integer
     yield "table_faces", faces[:, np.newaxis].astype(np.int32), {}
 
 
-def ball_facts(result: Any, table: Table | None, every: int) -> dict[str, Any]:
+def ball_facts(result: RunData, table: Table | None, every: int) -> dict[str, Any]:
     """Kind, colour and number of each ball that is shown, where there are few: `{"balls": [[1, "#f2b705", "1"], ...]}`.
 
     The balls of a clump have one colour and no number.
     """
-    if getattr(result, "clumps", None):
+    if result.clumps:
         return {"balls": [[len(KINDS), by_number(k), ""] for k in rigid(result)[::every].tolist()]}
     if len(result.names) > MOST_NUMBERED * every:
         return {}
