@@ -11,9 +11,9 @@ import numpy as np
 from carom.errors import did_you_mean, quoted
 from carom.scene.assembly.mechanics import GROUND_INDEX, MECHANICS, numbers, references, spring_ends
 from carom.scene.messages import Finding
-from carom.scene.tables.joints import default_name
+from carom.scene.tables.joints import Joint, default_name
 from carom.scene.tables.laws import LawValue, fault_at, value_at
-from carom.scene.tables.loads import ALL, GROUND, Load, LoadFunction, Spring
+from carom.scene.tables.loads import ALL, GROUND, Drag, Load, LoadFunction, Spring
 
 if TYPE_CHECKING:
     from carom.scene.assembly.bodies import Bodies
@@ -66,10 +66,10 @@ def check_names(parts: Parts) -> Iterator[Finding]:
         if cause and wrong < MOST:
             wrong += 1
             yield Finding((section, index, key), cause, cure)
-    if ALL in known and any(getattr(t, "on", None) == ALL for _, t in parts.entries["drag"]):
-        index = next(i for i, t in parts.entries["drag"] if getattr(t, "on", None) == ALL)
+    of_all = [i for i, drag in parts.tables(Drag) if drag.on == ALL]
+    if ALL in known and of_all:
         cause = 'a sphere is called "all", which here means every sphere'
-        yield Finding(("drag", index, "on"), cause, "rename the sphere")
+        yield Finding(("drag", of_all[0], "on"), cause, "rename the sphere")
 
 
 def _known(name: str, bodies: Bodies, ground: bool = False) -> str:
@@ -89,8 +89,8 @@ def _known(name: str, bodies: Bodies, ground: bool = False) -> str:
 
 def _joint_names(parts: Parts) -> Iterator[Finding]:
     seen: dict[str, int] = {}
-    for i, joint in parts.entries["joint"]:
-        name = getattr(joint, "name", None) or default_name(i)
+    for i, joint in parts.tables(Joint):
+        name = joint.name or default_name(i)
         if name in seen:
             cause = f"there are two joints {quoted(name)}"
             yield Finding(("joint", i, "name"), cause, "give one another name")
@@ -99,8 +99,7 @@ def _joint_names(parts: Parts) -> Iterator[Finding]:
 
 def _functions(parts: Parts) -> Iterator[Finding]:
     seen: set[str] = set()
-    for i, place in parts.entries["load_function"]:
-        assert isinstance(place, LoadFunction)
+    for i, place in parts.tables(LoadFunction):
         if place.name in seen:
             cause = f"there are two load functions {quoted(place.name)}"
             yield Finding(
@@ -150,8 +149,7 @@ def _broken(
 def _fast_springs(parts: Whole) -> Iterator[Finding]:
     run, bodies = parts.run, parts.bodies()
     number = numbers(bodies)
-    for i, spring in parts.entries["spring"]:
-        assert isinstance(spring, Spring)
+    for i, spring in parts.tables(Spring):
         a, b, *_ = spring_ends(spring, bodies, number)
         inverse = 1.0 / bodies.mass[a] + (1.0 / bodies.mass[b] if b != GROUND_INDEX else 0.0)
         period = 2.0 * math.pi / math.sqrt(spring.stiffness * inverse) if spring.stiffness > 0 else math.inf

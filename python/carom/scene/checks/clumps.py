@@ -66,8 +66,7 @@ def _options(parts: Parts) -> Iterator[Finding]:
 
 def usable_clumps(parts: Parts) -> Iterator[Finding]:
     """Sizes and masses at which squares and cubes neither overflow nor vanish."""
-    for i, clump in parts.entries["clump"]:
-        assert isinstance(clump, Clump)
+    for i, clump in parts.tables(Clump):
         body, (least, most) = clump.body(), MOMENTS
         wrong = [moment for moment in body.moments if not least <= moment <= most]
         if wrong:
@@ -82,8 +81,7 @@ def check_size(parts: Parts) -> Iterator[Finding]:
     periods = parts.periods
     if periods is None or not any(periods):
         return
-    for i, clump in parts.entries["clump"]:
-        assert isinstance(clump, Clump)
+    for i, clump in parts.tables(Clump):
         balls = np.array(clump.spheres)
         centre, radius = balls[:, :3], balls[:, 3]
         apart = np.linalg.norm(centre[:, None] - centre[None], axis=2) + radius[:, None] + radius[None]

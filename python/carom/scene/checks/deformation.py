@@ -55,8 +55,7 @@ def check_deformation(parts: Parts) -> Iterator[Finding]:
 def _rough_walls(parts: Parts) -> Iterator[Finding]:
     """Walls stand, and do not flow: with friction they would tell the images of a ball apart."""
     walls = {wall.material for wall in parts.walls()}
-    for i, table in parts.entries["contact"]:
-        assert isinstance(table, Contact)
+    for i, table in parts.tables(Contact):
         rough = any((table.friction, table.rolling_radius, table.spinning_radius))
         if rough and walls & set(table.between):
             cause = "friction at a wall, which does not go along with a periodic box that deforms"

@@ -17,7 +17,7 @@ from carom.scene.assembly.vectors import scaled
 from carom.scene.checks.walls import TOUCHING, called
 from carom.scene.messages import Finding
 from carom.scene.tables.flow import Inflow, Outlet, Region
-from carom.scene.tables.loads import ALL
+from carom.scene.tables.loads import ALL, Drag
 
 if TYPE_CHECKING:
     from carom.scene.checks.rules import Parts, Whole
@@ -30,8 +30,7 @@ def check_flow(parts: Parts) -> Iterator[Finding]:
     """Balls enter where there is room for them, and not where they would leave at once."""
     if parts.entries["inflow"]:
         yield from _held(parts)
-    for i, inflow in parts.entries["inflow"]:
-        assert isinstance(inflow, Inflow)
+    for i, inflow in parts.tables(Inflow):
         corners = _corners(inflow.region)
         largest = float(inflow.radii().max())
         radius = np.full(len(corners), largest)
@@ -44,7 +43,7 @@ def check_flow(parts: Parts) -> Iterator[Finding]:
                 cure = "the region is that of their centres: keep it one radius away from walls"
                 yield Finding(("inflow", i, "region"), cause, cure)
                 break
-        if any(_leave(parts, outlet, inflow.region)[1] for outlet in _outlets(parts)):
+        if any(_leave(parts, outlet, inflow.region)[1] for _, outlet in parts.tables(Outlet)):
             cause = "balls would leave where they enter: the region lies where an outlet removes them"
             yield Finding(("inflow", i, "region"), cause, "move the region or the outlet")
 
@@ -57,8 +56,8 @@ def _held(parts: Parts) -> Iterator[Finding]:
         if name in coming:
             cause = f"{quoted(name)} enters in the course of the run, and what enters must be free"
             yield Finding((section, index, key), cause, "name a sphere that is there from the start")
-    for i, drag in parts.entries["drag"]:
-        if getattr(drag, "on", None) == ALL:
+    for i, drag in parts.tables(Drag):
+        if drag.on == ALL:
             cause = (
                 '"all" would act on balls that enter in the course of the run, and what enters must be free'
             )
@@ -78,10 +77,6 @@ def _corners(region: Region) -> F64:
     rim = np.outer(np.cos(angle), u) + np.outer(np.sin(angle), np.cross(n, u))
     points: F64 = np.array(region.centre()) + region.radius * rim
     return points
-
-
-def _outlets(parts: Parts) -> list[Outlet]:
-    return [t for _, t in parts.entries["outlet"] if isinstance(t, Outlet)]
 
 
 def _periods(parts: Parts) -> tuple[float, float, float]:
@@ -116,9 +111,8 @@ def _within(parts: Parts, outlet: Outlet, points: F64) -> Bool:
 
 def advise_flow(parts: Whole) -> Iterator[Finding]:
     """Inflows that lose balls or let none in, and outlets that take what is there at the start."""
-    for i, inflow in parts.entries["inflow"]:
-        assert isinstance(inflow, Inflow)
-        if any(_leave(parts, outlet, inflow.region)[0] for outlet in _outlets(parts)):
+    for i, inflow in parts.tables(Inflow):
+        if any(_leave(parts, outlet, inflow.region)[0] for _, outlet in parts.tables(Outlet)):
             cause = "balls that enter in a part of the region leave at once: an outlet removes them there"
             yield Finding(("inflow", i, "region"), cause, "move the region or the outlet")
         if inflow.start > parts.until:
@@ -128,11 +122,10 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
         return
     bodies = parts.bodies()
     held = {reference.name for reference in references(parts.entries)}
-    if any(getattr(drag, "on", None) == ALL for _, drag in parts.entries["drag"]):
+    if any(drag.on == ALL for _, drag in parts.tables(Drag)):
         held.update(bodies.names)
     free = np.array([name not in held for name in bodies.names]) & bodies.present
-    for i, outlet in parts.entries["outlet"]:
-        assert isinstance(outlet, Outlet)
+    for i, outlet in parts.tables(Outlet):
         gone = np.flatnonzero(free & (_within(parts, outlet, bodies.position) == outlet.inside))
         cure = "move the balls or the outlet, or write the other value of inside"
         if len(gone) and len(gone) == bodies.present.sum():

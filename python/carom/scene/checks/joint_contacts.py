@@ -75,14 +75,14 @@ def advise_joint_contacts(parts: Whole) -> Iterator[Finding]:
         systems.rows.update(group.joints)
         for body in group.bodies:
             systems.around.setdefault(body, []).append(group)
-    entries = dict(parts.entries["joint"])
+    entries = dict(parts.tables(Joint))
     told = 0
     for touch in _touches(parts, systems):
         found = _taken(parts, systems, touch)
         if found is None:
             continue
         joints, when = found
-        names = [quoted(getattr(entries[i], "name", None) or default_name(i)) for i in joints[:MOST_NAMED]]
+        names = [quoted(entries[i].name or default_name(i)) for i in joints[:MOST_NAMED]]
         listed = ", ".join(names) + (
             f" and {len(joints) - MOST_NAMED} more" if len(joints) > MOST_NAMED else ""
         )
@@ -112,7 +112,7 @@ def _touches(parts: Whole, systems: Joined) -> Iterator[Touch]:
         ).tolist():
             normal = normals(wall, position[k : k + 1])[0]
             yield Touch(held[k], None, normal, float(gap[k]), wall, called(wall), wall.material)
-    joints = [joint for _, joint in parts.entries["joint"] if isinstance(joint, Joint)]
+    joints = [joint for _, joint in parts.tables(Joint)]
     free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), bodies.radius)
     for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, parts.periods):
         a, b = held[i], held[j]

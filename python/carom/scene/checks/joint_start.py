@@ -48,13 +48,11 @@ def check_start(parts: Parts) -> Iterator[Finding]:
         return
     number = numbers(bodies)
     wrong = False
-    for i, joint in parts.entries["joint"]:
-        assert isinstance(joint, Joint)
+    for i, joint in parts.tables(Joint):
         for finding in _laws_at_zero(i, joint, bodies, joint_rows(joint, bodies, number)):
             wrong = True
             yield finding
-    for i, spring in parts.entries["spring"]:
-        assert isinstance(spring, Spring)
+    for i, spring in parts.tables(Spring):
         *_, point_a, point_b = spring_ends(spring, bodies, number)
         if spring.rest_length and np.array_equal(point_a, point_b):
             cause = "both ends of the spring are at the same point, so that it has no direction"
@@ -69,8 +67,7 @@ def advise_start(parts: Parts) -> Iterator[Finding]:
     if not parts.entries["joint"]:
         return
     number = numbers(bodies)
-    for i, joint in parts.entries["joint"]:
-        assert isinstance(joint, Joint)
+    for i, joint in parts.tables(Joint):
         if joint.length is not None:
             yield from _length(i, joint, joint_rows(joint, bodies, number).rows[0], ADVISED)
     yield from (m.finding() for m in _mismatches(parts) if m.relative > ADVISED)
@@ -235,7 +232,7 @@ def _redundant(parts: Parts) -> Iterator[Finding]:
                     basis = np.vstack([basis, rest / size])
             k += len(of.rows)
             if implied:
-                name = getattr(dict(parts.entries["joint"])[index], "name", None) or default_name(index)
+                name = dict(parts.tables(Joint))[index].name or default_name(index)
                 share = f"{implied} of the {len(of.rows)} conditions of joint {quoted(name)}"
                 cause = f"{share} hold the same motion as other joints"
                 cure = "where they agree leave them out: the reactions are not unique; where they do not the run will stop"
@@ -249,7 +246,7 @@ def groups(parts: Parts, most: int) -> Iterator[Group]:
     """All joints in groups that share bodies; those of more than `most` rows joint by joint."""
     bodies = parts.bodies()
     number = numbers(bodies)
-    joints = [(i, joint_rows(j, bodies, number)) for i, j in parts.entries["joint"] if isinstance(j, Joint)]
+    joints = [(i, joint_rows(j, bodies, number)) for i, j in parts.tables(Joint)]
     pairs = np.array([(of.a, of.b) for _, of in joints if of.b != GROUND_INDEX], dtype=np.int64).reshape(
         -1, 2
     )

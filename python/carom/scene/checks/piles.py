@@ -66,8 +66,7 @@ def advise_piles(parts: Whole) -> Iterator[Finding]:
 def _entering(parts: Whole) -> int:
     """Balls that enter within the run, as far as the rates of the inflows say."""
     until, total = parts.until, 0
-    for _, inflow in parts.entries["inflow"]:
-        assert isinstance(inflow, Inflow)
+    for _, inflow in parts.tables(Inflow):
         if inflow.start <= until:
             due = 1.0 + inflow.rate * (until - inflow.start)
             total += inflow.count if inflow.rate == 0 else min(inflow.count, int(due))

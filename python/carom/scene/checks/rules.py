@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,9 +32,11 @@ from carom.scene.tables.balls import MOST_BALLS, Ball, Generator
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
-from carom.scene.tables.model import Contact, Material, Record, Scenario, World
+from carom.scene.tables.model import REPEATED, Contact, Material, Record, Scenario, World
 from carom.scene.tables.options import RunBase
 from carom.scene.tables.walls import WALLS, Wall
+
+T = TypeVar("T", bound=Table)
 
 SAMPLES = 200
 """Parts of equal length into which the times of a run are divided where its laws are looked at."""
@@ -54,11 +57,16 @@ class Parts:
     _walls: list[Placed] | None = field(default=None, repr=False)
     _bodies: Bodies | None = field(default=None, repr=False)
 
+    def tables(self, kind: type[T]) -> list[tuple[int, T]]:
+        """The tables of a kind, each with its place among those of the file."""
+        section = next(name for name, known in REPEATED.items() if known is kind)
+        return [(i, t) for i, t in self.entries[section] if isinstance(t, kind)]
+
     def materials(self) -> list[str]:
-        return [t.name for _, t in self.entries["material"] if isinstance(t, Material)]
+        return [t.name for _, t in self.tables(Material)]
 
     def contacts(self) -> list[tuple[int, Contact]]:
-        return [(i, t) for i, t in self.entries["contact"] if isinstance(t, Contact)]
+        return self.tables(Contact)
 
     @property
     def periods(self) -> tuple[float, float, float] | None:
@@ -182,8 +190,7 @@ def _crowd(parts: Parts) -> Iterator[Finding]:
 
 def _names(parts: Parts) -> Iterator[Finding]:
     seen: set[str] = set()
-    for i, table in parts.entries["material"]:
-        assert isinstance(table, Material)
+    for i, table in parts.tables(Material):
         if table.name in seen:
             yield Finding(
                 ("material", i, "name"), f"{quoted(table.name)} is declared twice", "remove one of them"
@@ -255,9 +262,7 @@ def _pairs(parts: Parts) -> Iterator[Finding]:
     known = set(parts.materials())
     for (a, b), why in meetings(parts).items():
         if frozenset((a, b)) not in laws and {a, b} <= known:
-            place = max(
-                i for i, t in parts.entries["material"] if isinstance(t, Material) and t.name in (a, b)
-            )
+            place = max(i for i, t in parts.tables(Material) if t.name in (a, b))
             cure = f'add [[contact]] between = ["{a}", "{b}"] with friction and restitution'
             call = f'add scene.contact("{a}", "{b}", friction=..., restitution=...)'
             yield Finding(

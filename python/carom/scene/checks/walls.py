@@ -66,8 +66,7 @@ def check_walls(parts: Parts) -> Iterator[Finding]:
     reported = 0
     strays: set[int] = set()
     overlap = start_overlap(parts)
-    for _, box in parts.entries["box"]:
-        assert isinstance(box, Box)
+    for _, box in parts.tables(Box):
         if box.open:
             continue
         outside = ((centre < np.array(box.low)) | (centre > np.array(box.high))).any(axis=1)
