@@ -4,15 +4,14 @@ use crate::check::is_level;
 use crate::foresee::FLIGHT;
 use crate::motion::{Motion, Support};
 use crate::step::{Run, JOINS};
-use carom_core::rotation;
 use glam::DVec3;
 
 /// Steps (1) of the place at which a surface is asked for: a share of the radius ahead, so that a ball at its edge has left it.
 const AHEAD: f64 = 1e-9;
 
 impl Run<'_> {
-    /// The motion of ball `i` from its state at `now` on: on a surface with a gap (m) to it, or through the air.
-    pub fn set_off(&mut self, i: usize, now: f64, on: Option<(Support, f64)>) {
+    /// The motion of ball `i` from its state at `now` on: on a surface with a gap (m) to it, or through the air. A slide that turns may go on.
+    pub fn set_off(&mut self, i: usize, now: f64, on: Option<(Support, f64)>, goes_on: bool) {
         let [v, w] = [self.state.velocity[i], self.state.angular_velocity[i]];
         let g = match self.state.present[i] {
             true => self.model.gravity,
@@ -28,9 +27,10 @@ impl Run<'_> {
             Motion::supported(self.model, i, support, now, x, [v, w])
         });
         // Without a form on its surface it would fall into it, and so presses it.
-        let motion = carried.unwrap_or_else(|| Motion::flight(now, x, [v, w], g));
-        let ends = motion.start + motion.holds;
-        self.events.motions[i] = Motion { ends, ..motion };
+        let mut motion = carried.unwrap_or_else(|| Motion::flight(now, x, [v, w], g));
+        motion.follow(&mut self.events.curves[i], self.model.radius[i], goes_on);
+        motion.ends = motion.start + motion.holds;
+        self.events.motions[i] = motion;
     }
 
     /// The level surface that carries ball `i` in its present state, and the gap (m) to it.
@@ -76,29 +76,30 @@ impl Run<'_> {
 
     /// Writes the state of ball `i` at a time, and what carried it until then.
     pub fn bring(&mut self, i: usize, t: f64) {
-        let motion = &self.events.motions[i];
-        let given = self.events.sums.add_support(self.model, i, motion, t);
-        if let (true, Some(support)) = (self.model.record_walls, motion.support) {
-            // Forces that do not vary, along a parabola: Simpson's rule is exact.
-            let wall = support.wall as usize - self.model.bodies();
-            let lever = |t| {
-                motion.place(t)
-                    - self.model.walls[wall].shape.place()
-                    - self.model.radius[i] * support.normal
-            };
-            let middle = 0.5 * (motion.start + t);
-            let mean = (lever(motion.start) + 4.0 * lever(middle) + lever(t)) / 6.0;
-            let out = &mut self.scratch.wall_impulse[wall];
-            out[0] -= given.impulse;
-            out[1] -= mean.cross(given.impulse) + given.moment;
-        }
-        let state = &mut *self.state;
-        state.position[i] = motion.place(t);
-        [state.velocity[i], state.angular_velocity[i]] = motion.velocities(t);
-        if motion.w[0] != DVec3::ZERO || motion.w[1] != DVec3::ZERO {
-            for turn in motion.turns(motion.start, t) {
-                state.orientation[i] = rotation::advance(turn, state.orientation[i]);
+        let (motion, r) = (&self.events.motions[i], self.model.radius[i]);
+        let curve = &self.events.curves[i];
+        let passage = motion.passage(r, curve, self.state.orientation[i], t);
+        if let Some(support) = motion.support {
+            let dt = t - motion.start;
+            let given =
+                (self.events.sums).add_support(self.model, i, motion, &support, (dt, &passage));
+            if self.model.record_walls {
+                let wall = support.wall as usize - self.model.bodies();
+                let from = self.model.walls[wall].shape.place() + r * support.normal;
+                // Of the load, which does not vary, about the mean place; of friction the change of what it acts on.
+                let [before, after] = [
+                    (motion.x[0] - from).cross(motion.x[1]),
+                    (passage.place - from).cross(passage.velocities[0]),
+                ];
+                let friction = self.model.mass[i] * (after - before);
+                let out = &mut self.scratch.wall_impulse[wall];
+                out[0] -= given.impulse;
+                out[1] -= (passage.mean - from).cross(given.along) + friction + given.moment;
             }
         }
+        let state = &mut *self.state;
+        state.position[i] = passage.place;
+        [state.velocity[i], state.angular_velocity[i]] = passage.velocities;
+        state.orientation[i] = passage.orientation;
     }
 }

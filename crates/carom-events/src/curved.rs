@@ -4,171 +4,240 @@
 //! v' = -a u/|u|,   q' = -c u/|u| - b q/|q|,   u = v + q
 //! ```
 //!
-//! and turn. There is no closed form. The power series of the motion about any moment is computed term by term: with `s = |u|` and `e = u/s`,
-//! `s' = e u'` and `s e = u` give each term from those before. Its last terms are then replaced by lower ones that differ least over the piece
-//! (Chebyshev's polynomials in place of powers: C. Lanczos, *Applied Analysis*, 1956, ch. VII): a piece is longer than a series of so few terms holds.
-//! A slide is some tens of such pieces.
+//! and turn. There is no closed form. But with `s = |u|`, `p = |q|`, the angle `theta` from `u` to `q`, and a time `T` of their own, `dt = s p/(s + p) dT`,
+//! the share `f = s/(s + p)` and the angle have equations without poles, whatever comes to nothing:
+//!
+//! ```text
+//! (ln s)' = -(a + c + b cos theta) (1 - f),   (ln p)' = -(b + c cos theta) f
+//! f' = f (1 - f) ((ln s)' - (ln p)'),   theta' = sin theta (c f + b (1 - f)),   phi' = -b sin theta (1 - f)
+//! ```
+//!
+//! with the direction `phi` of `u`. Their power series follow term by term, and so do those of all that is asked for. A whole slide is some ten of them.
 
-use glam::{DVec2, DVec3};
+use crate::series::{Part, Rates, Values, TIME};
+use crate::turns::{parts_of, turned};
+use glam::{DQuat, DVec2, DVec3};
+use std::collections::VecDeque;
 
-/// Terms of a place. More: fewer pieces, each with more work; and the squares of the last terms leave the range of numbers where turning is about to
-/// change its direction (in 1e-12 s at least).
-pub const TERMS: usize = 13;
-/// Terms of a velocity that are kept.
-const KEPT: usize = TERMS - 1;
-/// Terms of a velocity that are computed. More: longer pieces, by less and less.
-const ALL: usize = 20;
-/// First terms of a velocity that stay as they are: what touches is asked for them.
-const FIRST: usize = 3;
-/// Size of what is left out of a velocity at the end of a piece, over the speeds of the ball (1). Larger: not exact; smaller: more pieces.
-const LAST: f64 = 5e-15;
-/// Share (1) of what is left of a slide that a piece may take: beyond its end a series means nothing.
-const MOST: f64 = 0.9;
+/// Parts that are known ahead, and the time (over theirs) below which all the rest of a slide is. More: fewer looks ahead, and more of them in vain where
+/// an impact ends the slide.
+const AHEAD: usize = 3;
+const SHORT: f64 = 0.2;
+/// Time of its own (1) of a part of a rotation: sizes change little in it.
+const EVEN: f64 = 1.2;
 
-/// A power series of vectors in the surface.
-type Series = [DVec2; ALL];
-
-/// What takes from `v` and `q`, m/s^2: friction on the centre `a`, on turning `c`, rolling resistance on turning `b`.
-#[derive(Clone, Copy, Debug)]
-pub struct Rates {
-    pub a: f64,
-    pub b: f64,
-    pub c: f64,
+/// A slide that turns: what of it is known ahead, and the state where that ends.
+#[derive(Clone, Default)]
+pub struct Curve {
+    rates: Rates,
+    normal: DVec3,
+    axes: [DVec3; 2],
+    parts: VecDeque<Part>,
+    next: Values,
+    /// To which errors are compared, m/s.
+    speed: f64,
 }
 
-/// What a power of a share in `[0, 1]` is about, from [`KEPT`] on, in lower ones: `x^k` less `x^3 T(x)`, with Chebyshev's polynomial.
-const LOWER: [[f64; ALL]; ALL - KEPT] = lower();
-/// By how much that is wrong.
-const ERROR: [f64; ALL - KEPT] = error();
-
-const fn lower() -> [[f64; ALL]; ALL - KEPT] {
-    let mut rows = [[0.0; ALL]; ALL - KEPT];
-    // T of (2 x - 1): 1, 2 x - 1, then (4 x - 2) T - the one before.
-    let (mut before, mut now) = ([0.0; ALL + 1], [0.0; ALL + 1]);
-    before[0] = 1.0;
-    (now[0], now[1]) = (-1.0, 2.0);
-    let mut n = 1;
-    while n + FIRST < ALL {
-        if n + FIRST >= KEPT {
-            let mut k = 0;
-            while k < n {
-                rows[n + FIRST - KEPT][k + FIRST] = -now[k] / now[n];
-                k += 1;
-            }
-        }
-        let mut next = [0.0; ALL + 1];
-        let mut k = 0;
-        while k < ALL {
-            let below = if k > 0 { now[k - 1] } else { 0.0 };
-            next[k] = 4.0 * below - 2.0 * now[k] - before[k];
-            k += 1;
-        }
-        (before, now) = (now, next);
-        n += 1;
-    }
-    rows
-}
-
-const fn error() -> [f64; ALL - KEPT] {
-    let mut errors = [0.0; ALL - KEPT];
-    let mut k = 0;
-    while k < ALL - KEPT {
-        errors[k] = 2.0 / (1u64 << (2 * (k + KEPT - FIRST))) as f64;
-        k += 1;
-    }
-    errors
-}
-
-/// Terms of two vectors in the surface: of `u` and `q`, their sizes or their directions.
-type Both = [f64; 4];
-
-/// Sizes and directions of two series whose first `k` terms are known, term by term.
+/// What a slide did in some time: way, change of the velocity, the way summed over time, the ways of slip and turning, all in SI units; and what turning
+/// is then, m/s.
 #[derive(Default)]
-struct Directions {
-    /// Term `k + 1` times `k + 1`, and the size.
-    rates: [[Both; 2]; ALL],
-    along: [Both; ALL],
-    first: Both,
+pub struct Slid {
+    pub way: DVec3,
+    pub change: DVec3,
+    pub sum: DVec3,
+    pub slipped: f64,
+    pub turned: f64,
+    pub turning: DVec3,
 }
 
-impl Directions {
-    /// Term `k` of both directions, from terms up to `k`.
-    fn term(&mut self, of: Both, k: usize) -> [DVec2; 2] {
-        let twice = |a: Both| [a[0] + a[1], a[0] + a[1], a[2] + a[3], a[2] + a[3]];
-        let mut rest = of;
-        if k == 0 {
-            self.first = twice(of.map(|u| u * u)).map(f64::sqrt);
-        } else {
-            self.rates[k - 1][0] = of.map(|u| k as f64 * u);
-            let mut sums = [[0.0; 4]; 2];
-            for (factors, e) in self.rates[..k].iter().zip(self.along[..k].iter().rev()) {
-                for (sum, factor) in sums.iter_mut().zip(factors) {
-                    for i in 0..4 {
-                        sum[i] += factor[i] * e[i];
-                    }
-                }
-            }
-            let size = twice(sums[0]).map(|rise| rise / k as f64);
-            self.rates[k - 1][1] = size;
-            rest = std::array::from_fn(|i| of[i] - sums[1][i] - size[i] * self.along[0][i]);
-        }
-        let found: Both = std::array::from_fn(|i| rest[i] / self.first[i]);
-        self.along[k] = found;
-        [
-            DVec2::new(found[0], found[1]),
-            DVec2::new(found[2], found[3]),
-        ]
+impl Curve {
+    /// From velocity and turning on a surface with normal `n` on.
+    pub fn begin(&mut self, v: DVec3, q: DVec3, n: DVec3, rates: Rates) {
+        let slip = v + q;
+        let along = slip.normalize();
+        // Turning is on the side of the second axis.
+        let left = n.cross(along);
+        let across = if q.dot(left) < 0.0 { -left } else { left };
+        self.rates = rates;
+        self.normal = n;
+        self.axes = [along, across];
+        self.parts.clear();
+        self.speed = v.length() + q.length();
+        let flat = |d: DVec3| DVec2::new(d.dot(along), d.dot(across));
+        let (angle, v) = (flat(q).normalize(), flat(v));
+        self.next = [0.0; 16];
+        self.next[2..10].copy_from_slice(&[
+            angle.x,
+            angle.y,
+            slip.length(),
+            q.length(),
+            1.0,
+            0.0,
+            v.x,
+            v.y,
+        ]);
     }
-}
 
-/// Terms of `v` and `q` on a surface with normal `n`, and for how long they hold, s.
-pub fn series(v: DVec3, q: DVec3, n: DVec3, rates: Rates) -> ([DVec3; KEPT], [DVec3; KEPT], f64) {
-    let along = (v + q).normalize();
-    let across = n.cross(along);
-    let flat = |d: DVec3| DVec2::new(along.dot(d), across.dot(d));
-    let (mut v, mut q, mut u) = ([flat(v); ALL], [flat(q); ALL], [flat(v + q); ALL]);
-    // Time in units of what is left at least until something ends: terms then have sizes that numbers have.
-    let (slip, turning) = (u[0].length(), q[0].length());
-    let unit = slip.min(turning) / (rates.a + rates.b + rates.c);
-    let mut directions = Directions::default();
-    for k in 0..ALL - 1 {
-        let [of_u, of_q] = directions.term([u[k].x, u[k].y, q[k].x, q[k].y], k);
-        let by = unit / (k + 1) as f64;
-        v[k + 1] = -rates.a * by * of_u;
-        q[k + 1] = -by * (rates.c * of_u + rates.b * of_q);
-        u[k + 1] = v[k + 1] + q[k + 1];
-    }
-    let last = LAST * (v[0].length() + turning);
-    // Until a term times its share in an error is below rounding.
-    let holds = |k: usize, share: f64| {
-        let size = share * share * q[k].length_squared().max(u[k].length_squared());
-        (last * last / size).powf(0.5 / k as f64)
-    };
-    let share = holds(ALL - 1, 1.0)
-        .min(holds(ALL - 2, 1.0))
-        .min(holds(KEPT, ERROR[0]))
-        .min(holds(KEPT + 1, ERROR[1]))
-        .min(MOST * slip / slip.min(turning));
-    let kept = |series: Series| {
-        let mut d = series;
-        let mut power = 1.0;
-        for d in &mut d {
-            *d *= power;
-            power *= share;
-        }
-        for k in (KEPT..ALL).rev() {
-            let high = d[k];
-            for (low, of) in d[FIRST..k].iter_mut().zip(&LOWER[k - KEPT][FIRST..k]) {
-                *low += *of * high;
+    /// Knows some parts ahead, while the slip is above a size. Returns for how long, s, and a rate (1/s) faster than which the slip does not turn from now on.
+    pub fn look_ahead(&mut self, last: f64) -> (f64, f64) {
+        let Rates { a, b, c } = self.rates;
+        let mut time: f64 = self.parts.iter().map(|p| p.dt).sum();
+        let is_short = |time: f64, slip: f64| slip < SHORT * time * (a + c);
+        while self.parts.is_empty()
+            || slip(&self.next) > last
+                && (self.parts.len() < AHEAD || is_short(time, slip(&self.next)))
+        {
+            let part = Part::new(self.next, self.speed, self.rates);
+            self.next = part.at(part.end);
+            for k in [2, 6] {
+                let unit = DVec2::new(self.next[k], self.next[k + 1]).normalize();
+                [self.next[k], self.next[k + 1]] = unit.to_array();
             }
+            self.next[TIME] = 0.0;
+            self.next[10..].fill(0.0);
+            time += part.dt;
+            self.parts.push_back(part);
         }
-        let (mut power, by) = (1.0, 1.0 / (unit * share));
-        let mut found = [DVec3::ZERO; KEPT];
-        for (found, d) in found.iter_mut().zip(d) {
-            *found = power * (d.x * along + d.y * across);
-            power *= by;
+        // The angle between slip and turning grows; so the direction of the slip turns to one side. In a part its rate has a bound, and what it has
+        // turned by the end of a part bounds it before.
+        let first = self.parts[0].at(self.parts[0].begin);
+        let across = if first[2] > 0.0 { 1.0 } else { first[3] };
+        let begins = self.parts.iter().skip(1).map(|part| part.at(part.begin));
+        let ends = begins.chain([self.next]);
+        let (mut rate, mut least, mut begin) = (0.0, slip(&first), 0.0);
+        for (part, end) in self.parts.iter().zip(ends) {
+            least = f64::min(least, slip(&end));
+            let turned = along(&first).angle_to(along(&end)).abs();
+            rate = f64::max(rate, (turned / begin).min(b * across / least));
+            begin += part.dt;
+        }
+        (time, rate)
+    }
+
+    /// What happens in `dt` seconds from the begin of what is known on, and how the ball turns, whose turning over that of an angular velocity is `radius`;
+    /// `spin` is the rest of the latter, of time.
+    pub fn slides(
+        &self,
+        dt: f64,
+        radius: f64,
+        orientation: Option<(&mut DQuat, &dyn Fn(f64) -> DVec3)>,
+    ) -> Slid {
+        let mut found = Slid::default();
+        let mut orientation = orientation;
+        let [first, second] = self.axes;
+        let world = |x: f64, y: f64| x * first + y * second;
+        let turning = |at: &Values| {
+            let [_, _, cos, sin, _, p, ux, uy, ..] = *at;
+            p * world(ux * cos - uy * sin, ux * sin + uy * cos)
+        };
+        let mut done = 0.0;
+        for part in &self.parts {
+            let left = dt - done;
+            let end = part.moment(left);
+            let (first, last) = (part.at(part.begin), part.at(end));
+            let d: Values = std::array::from_fn(|i| last[i] - first[i]);
+            // Ways and their sums are from the start of the part on.
+            let before = found.way - world(first[10], first[11]);
+            found.sum += d[TIME] * before + world(d[12], d[13]);
+            found.way += world(d[10], d[11]);
+            found.change += world(d[8], d[9]);
+            found.slipped += d[14];
+            found.turned += d[15];
+            if let Some((orientation, spin)) = &mut orientation {
+                let w = |at: &Values| {
+                    -self.normal.cross(turning(at)) / radius + spin(done + at[TIME] - first[TIME])
+                };
+                let unit = 1.0 / (self.rates.a + self.rates.b + self.rates.c);
+                let own = end - part.begin;
+                let angle = d[TIME] * w(&first).length().max(w(&last).length());
+                let parts = parts_of(angle).max((own / EVEN).ceil());
+                **orientation = turned(**orientation, own, parts, |t| {
+                    let at = part.at(part.begin + t);
+                    let [s, p] = [at[4], at[5]];
+                    unit * s * p / (s + p) * w(&at)
+                });
+            }
+            found.turning = turning(&last);
+            done += part.dt;
+            if done >= dt {
+                break;
+            }
         }
         found
-    };
-    (kept(v), kept(q), unit * share)
+    }
+
+    /// Forgets the first `dt` seconds of what is known.
+    pub fn pass(&mut self, mut dt: f64) {
+        let whole = self.parts.iter().take_while(|part| {
+            let passes = part.dt <= dt;
+            dt -= if passes { part.dt } else { 0.0 };
+            passes
+        });
+        let whole = whole.count();
+        self.parts.drain(..whole);
+        if let Some(part) = self.parts.front_mut() {
+            part.begin = part.moment(dt);
+            part.dt -= dt;
+        }
+    }
+}
+
+fn slip(at: &Values) -> f64 {
+    at[4]
+}
+
+fn along(at: &Values) -> DVec2 {
+    DVec2::new(at[6], at[7])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vectors() -> impl Strategy<Value = [f64; 4]> {
+        // Sizes from nothing to fast, in all directions.
+        let size = || (-6.0..1.0f64).prop_map(|k| 10f64.powf(k));
+        let angle = || 0.0..std::f64::consts::TAU;
+        (size(), angle(), size(), angle()).prop_map(|(u, a, q, b)| [u, a, q, b])
+    }
+
+    proptest! {
+        /// Energy, which nothing here is made from; the same in one way as in many; and the bound about the parabola.
+        #[test]
+        fn a_slide_that_turns([u, a, q, b] in vectors(), friction in 0.05..1.0f64, rolling in 0.001..0.3f64, share in 0.1..0.9f64) {
+            let at = |size: f64, angle: f64| size * DVec3::new(angle.cos(), angle.sin(), 0.0);
+            let (u, q) = (at(u, a), at(q, b));
+            let kappa = 0.4;
+            let rates = Rates { a: friction, b: rolling * friction / kappa, c: friction / kappa };
+            let v = u - q;
+            let last = 1e-7 * (v.length() + q.length());
+            prop_assume!(u.length() > last && u.normalize().cross(q.normalize()).length() > 1e-9);
+            let (mut whole, mut pieces) = (Curve::default(), Curve::default());
+            whole.begin(v, q, DVec3::Z, rates);
+            pieces.begin(v, q, DVec3::Z, rates);
+            let (time, rate) = whole.look_ahead(last);
+            pieces.look_ahead(last);
+            let all = whole.slides(time, 1.0, None);
+            let energy = |v: DVec3, q: DVec3| 0.5 * (v.length_squared() + kappa * q.length_squared());
+            let works = rates.a * all.slipped + kappa * rates.b * all.turned;
+            let lost = energy(v, q) - energy(v + all.change, all.turning);
+            prop_assert!((works - lost).abs() <= 1e-11 * energy(v, q), "{works} {lost}");
+            let (mut done, mut way, mut change) = (0.0, DVec3::ZERO, DVec3::ZERO);
+            for k in 1..=5 {
+                let t = time * share.powi(5 - k);
+                let off = whole.slides(t, 1.0, None).way - (t * v - 0.5 * t * t * rates.a * u.normalize());
+                let bound = rates.a * rate * t * t * t / 6.0;
+                let speed = v.length() + q.length();
+                let rounding = 1e-14 * speed * (t + speed / rates.c);
+                prop_assert!(off.length() <= bound + rounding, "{off} {bound}");
+                let next = pieces.slides(t - done, 1.0, None);
+                pieces.pass(t - done);
+                pieces.look_ahead(last);
+                (done, way, change) = (t, way + next.way, change + next.change);
+            }
+            prop_assert!((way - all.way).length() <= 1e-13 * v.length() * time, "{way} {}", all.way);
+            prop_assert!((change - all.change).length() <= 1e-13 * v.length().max(q.length()));
+        }
+    }
 }

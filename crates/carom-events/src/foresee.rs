@@ -1,7 +1,6 @@
 //! What will happen to a ball as it moves now: everything that may end its motion goes into the queue.
 
-use crate::curved::TERMS;
-use crate::meet::{self, along, Course, Meeting, Nothing, Path};
+use crate::meet::{self, along, Course, Meeting, Nothing, Off, Reach};
 use crate::motion::Motion;
 use crate::queue::{Queue, What};
 use crate::roots::{falls, value};
@@ -17,9 +16,8 @@ const ROUNDING: f64 = 1e-11;
 /// Flight (s) between two contacts of the same bodies that is none: what bounces ever faster has come to rest then.
 pub const FLIGHT: f64 = 1e-9;
 
-/// Terms of a parabola, and of the square of a curve.
-const PLAIN: usize = 3;
-const SQUARES: usize = 2 * TERMS - 1;
+/// How far a ball may be off its course where it meets something, over its radius (1): rounding of places.
+const OFF: f64 = 1e-15;
 
 /// What all predictions of a step are made with.
 pub struct Foresight<'a> {
@@ -32,29 +30,11 @@ pub struct Foresight<'a> {
     pub fastest: f64,
 }
 
-/// Which bodies a ball may meet before its present mode ends. A slide in pieces asks no others, piece after piece.
-#[derive(Default)]
-pub struct Near {
-    bodies: usize,
-    is: Vec<bool>,
-}
-
-impl Near {
-    pub fn begin(&mut self, spheres: usize, bodies: usize) {
-        self.bodies = bodies;
-        self.is.clear();
-        self.is.resize(spheres * bodies, true);
-    }
-
-    fn of(&mut self, i: usize, body: usize) -> &mut bool {
-        &mut self.is[i * self.bodies + body]
-    }
-}
-
 /// What counts as nothing for a body of radius `r`.
 pub fn nothing(model: &Model, fastest: f64, r: f64) -> Nothing {
     Nothing {
         gap: TOUCH * model.options.gap_tolerance * r,
+        off: OFF * r,
         speed: ROUNDING * fastest,
         acceleration: ROUNDING * (model.gravity.length() + fastest * fastest / r),
         flight: FLIGHT,
@@ -67,156 +47,97 @@ impl Foresight<'_> {
         self.motions[i].ends.min(self.end) - self.now
     }
 
-    /// How long its mode may last.
-    fn mode_left(&self, i: usize) -> f64 {
-        let m = &self.motions[i];
-        (m.start + m.lasts).min(self.end) - self.now
-    }
-
-    /// What ball `i` meets alone, where its mode is new or has gone on. Returns when its motion ends at the latest: nothing else that happens later
-    /// will.
-    pub fn alone(&self, i: usize, is_new: bool, near: &mut Near, queue: &mut Queue) -> f64 {
+    /// What ball `i`, that sets off now, meets alone. Returns when its motion ends at the latest: nothing else that happens later will.
+    pub fn alone(&self, i: usize, queue: &mut Queue) -> f64 {
         let m = &self.motions[i];
         if m.ends <= self.end {
             queue.push(m.ends, (i as u32, i as u32), What::Change);
         }
-        if m.terms <= PLAIN {
-            self.surroundings::<PLAIN, 5, 9>(i, is_new, near, queue)
-        } else {
-            self.surroundings::<TERMS, SQUARES, { 2 * SQUARES - 1 }>(i, is_new, near, queue)
-        }
-    }
-
-    /// Which other balls it meets; `with` says of which that is asked.
-    pub fn others(
-        &self,
-        i: usize,
-        is_new: bool,
-        with: impl Fn(usize) -> bool,
-        near: &mut Near,
-        queue: &mut Queue,
-    ) {
-        let m = &self.motions[i];
-        let here = (m.place(self.now), m.velocities(self.now)[0]);
-        for j in 0..self.model.bodies() {
-            if j == i || !self.state.present[j] || !with(j) {
-                continue;
-            }
-            if is_new {
-                let left = self.mode_left(i).min(self.mode_left(j));
-                let is_near = !self.is_far_from(i, here, j, left);
-                (*near.of(i, j), *near.of(j, i)) = (is_near, is_near);
-            }
-            let left = self.left(i).min(self.left(j));
-            if !*near.of(i, j) || self.is_far_from(i, here, j, left) {
-                continue;
-            }
-            let (i, j) = (i.min(j), i.max(j));
-            let met = if self.motions[i].terms.max(self.motions[j].terms) <= PLAIN {
-                self.pair::<PLAIN, 5>(i, j)
-            } else {
-                self.pair::<TERMS, SQUARES>(i, j)
-            };
-            self.push(met, (i as u32, j as u32), queue);
-        }
-    }
-
-    /// Whether ball `i`, here with its velocity, cannot meet another in a time: what most pairs are asked, and no more.
-    fn is_far_from(&self, i: usize, (x, v): (DVec3, DVec3), j: usize, left: f64) -> bool {
-        let (a, b) = (&self.motions[i], &self.motions[j]);
-        let between = x - b.place(self.now);
-        let path = Path {
-            speed: (v - b.velocities(self.now)[0]).length(),
-            most: a.most + b.most,
-        };
-        let way = path.way(left);
-        let reach = self.model.radius[i] + self.model.radius[j] + way;
-        between.length_squared() > reach * reach
-    }
-
-    fn pair<const K: usize, const S: usize>(&self, i: usize, j: usize) -> Meeting {
-        let mut between: Course<K> = self.motions[i].course(self.now);
-        let other: Course<K> = self.motions[j].course(self.now);
-        for (d, other) in between.iter_mut().zip(other) {
-            *d -= other;
-        }
-        let (ra, rb) = (self.model.radius[i], self.model.radius[j]);
-        let nothing = nothing(self.model, self.fastest, ra.min(rb));
-        let left = self.left(i).min(self.left(j));
-        meet::balls::<K, S>(&between, ra + rb, left, &nothing)
-    }
-
-    /// Walls and outlets. What is later than the first of them is not looked for.
-    fn surroundings<const K: usize, const S: usize, const R: usize>(
-        &self,
-        i: usize,
-        is_new: bool,
-        near: &mut Near,
-        queue: &mut Queue,
-    ) -> f64 {
-        let (course, mut left): (Course<K>, f64) = (self.motions[i].course(self.now), self.left(i));
-        let path = Path {
-            speed: course[1].length(),
-            most: self.motions[i].most,
-        };
-        let (n, r, x) = (self.model.bodies(), self.model.radius[i], course[0]);
-        let whole = path.way(self.mode_left(i));
+        let (course, off, mut left) = (m.course(self.now), m.off(self.now), self.left(i));
+        let (n, r) = (self.model.bodies(), self.model.radius[i]);
+        let mut reach = Reach::new(&course, &off, m.most, left);
         let nothing = nothing(self.model, self.fastest, r);
+        let soonest = |left: f64, met: Meeting| match met {
+            Meeting::Never => left,
+            Meeting::At(t) | Meeting::Closer(t) => t,
+            Meeting::Pressed => 0.0,
+        };
         for (w, wall) in self.model.walls.iter().enumerate() {
             let bodies = (i as u32, (n + w) as u32);
-            if self.motions[i].support.is_some_and(|s| s.wall == bodies.1) {
-                if let Some(t) = leaves::<K, S>(&wall.shape, &course, left) {
-                    queue.push(self.now + t, bodies, What::Edge);
-                    left = t;
-                }
+            let (met, what) = if m.support.is_some_and(|s| s.wall == bodies.1) {
+                let time = leaves(&wall.shape, &course, &off, left);
+                (known(time, &off, &nothing), What::Edge)
+            } else if wall.shape.clearance(reach.middle, r) > reach.radius {
                 continue;
-            }
-            let is_near = near.of(i, n + w);
-            if !is_new && !*is_near {
-                continue;
-            }
-            let clearance = wall.shape.clearance(x, r);
-            if is_new {
-                *is_near = clearance <= whole;
-            }
-            if clearance > path.way(left) {
-                continue;
-            }
-            let met = meet::wall::<K, S, R>(&wall.shape, &course, &path, r, left, &nothing);
-            self.push(met, bodies, queue);
-            match met {
-                Meeting::Never => {}
-                Meeting::At(t) => left = t,
-                Meeting::Pressed => left = 0.0,
+            } else {
+                let course = (&course, &off, m.most);
+                let carried = m.support.map(|s| s.normal);
+                let met = meet::wall(&wall.shape, course, carried, r, left, &nothing);
+                (met, What::Meet)
+            };
+            self.push(met, bodies, what, queue);
+            if met != Meeting::Never {
+                left = soonest(left, met);
+                reach = Reach::new(&course, &off, m.most, left);
             }
         }
         let boxes = self.model.flow.outlets.iter();
         let first = boxes
-            .filter(|o| !is_far(o, x, path.way(left)))
-            .filter_map(|o| passes(o, &course, left))
-            .fold(f64::INFINITY, f64::min);
-        if first.is_finite() {
-            queue.push(self.now + first, (i as u32, i as u32), What::Leave);
-            left = left.min(first);
-        }
-        self.now + left
+            .filter(|o| !is_far(o, &reach))
+            .filter_map(|o| passes(o, &course, &off, left))
+            .reduce(f64::min);
+        let met = known(first, &off, &nothing);
+        self.push(met, (i as u32, i as u32), What::Leave, queue);
+        self.now + soonest(left, met)
     }
 
-    fn push(&self, met: Meeting, bodies: (u32, u32), queue: &mut Queue) {
+    /// Which other balls it meets; `with` says of which that is asked.
+    pub fn others(&self, i: usize, with: impl Fn(usize) -> bool, queue: &mut Queue) {
+        let here = self.motions[i].course(self.now);
+        for j in 0..self.model.bodies() {
+            if j == i || !self.state.present[j] || !with(j) {
+                continue;
+            }
+            let (a, b) = (&self.motions[i], &self.motions[j]);
+            let left = self.left(i).min(self.left(j));
+            let other = b.course(self.now);
+            let between: Course = std::array::from_fn(|k| here[k] - other[k]);
+            let (of_a, of_b) = (a.off(self.now), b.off(self.now));
+            let off: Off = std::array::from_fn(|k| of_a[k] + of_b[k]);
+            let (ra, rb) = (self.model.radius[i], self.model.radius[j]);
+            let reach = Reach::new(&between, &off, a.most + b.most, left);
+            let far = ra + rb + reach.radius;
+            // What most pairs are asked, and no more.
+            if reach.middle.length_squared() > far * far {
+                continue;
+            }
+            let nothing = nothing(self.model, self.fastest, ra.min(rb));
+            let met = meet::balls(&between, ra + rb, &off, left, &nothing);
+            self.push(met, (i.min(j) as u32, i.max(j) as u32), What::Meet, queue);
+        }
+    }
+
+    fn push(&self, met: Meeting, bodies: (u32, u32), what: What, queue: &mut Queue) {
         match met {
             Meeting::Never => {}
-            Meeting::At(t) => queue.push(self.now + t, bodies, What::Meet),
+            Meeting::At(t) => queue.push(self.now + t, bodies, what),
+            Meeting::Closer(t) => queue.push(self.now + t, bodies, What::Closer),
             Meeting::Pressed => queue.push(self.now, bodies, What::Press),
         }
     }
 }
 
-/// When a ball rolls or slides off the face of the wall that carries it.
-fn leaves<const K: usize, const S: usize>(
-    shape: &Shape,
-    course: &Course<K>,
-    left: f64,
-) -> Option<f64> {
+/// What happens at a time, if the course is known so well.
+fn known(time: Option<f64>, off: &Off, nothing: &Nothing) -> Meeting {
+    match time {
+        None => Meeting::Never,
+        Some(t) if value(off, t) > nothing.off => Meeting::Closer(t),
+        Some(t) => Meeting::At(t),
+    }
+}
+
+/// When a ball may roll or slide off the face of the wall that carries it.
+fn leaves(shape: &Shape, course: &Course, off: &Off, left: f64) -> Option<f64> {
     let mut from = *course;
     from[0] -= shape.place();
     match shape {
@@ -227,7 +148,7 @@ fn leaves<const K: usize, const S: usize>(
                 .into_iter()
                 .flat_map(|(d, half)| [(d, half), (-d, half)]);
             let falls = sides.filter_map(|(direction, half)| {
-                let mut f = along(&from, -direction);
+                let mut f = along(&from, -direction, off);
                 f[0] += half;
                 falls(f, left).next()
             });
@@ -235,15 +156,12 @@ fn leaves<const K: usize, const S: usize>(
         }
         Shape::Disc(wall) => {
             let flat = from.map(|d| d - wall.normal * wall.normal.dot(d));
-            let inner: [f64; S] = meet::square(&flat);
-            let mut outer = inner.map(|c| -c);
-            outer[0] += wall.radius * wall.radius;
+            let outer = meet::distance_gap(&flat, wall.radius, -1.0, off).map(|c| -c);
             let leaves = falls(outer, left).next();
             if wall.hole == 0.0 {
                 return leaves;
             }
-            let mut inner = inner;
-            inner[0] -= wall.hole * wall.hole;
+            let inner = meet::distance_gap(&flat, wall.hole, 1.0, off);
             leaves
                 .into_iter()
                 .chain(falls(inner, left).next())
@@ -253,39 +171,36 @@ fn leaves<const K: usize, const S: usize>(
     }
 }
 
-/// Whether a centre at `x` cannot come through a side of the box of an outlet in a way so long.
-fn is_far(outlet: &Outlet, x: DVec3, way: f64) -> bool {
+/// Whether a centre cannot come through a side of the box of an outlet.
+fn is_far(outlet: &Outlet, reach: &Reach) -> bool {
+    let x = reach.middle;
     if outlet.inside {
-        return (x - x.clamp(outlet.low, outlet.high)).length_squared() > way * way;
+        let from = x - x.clamp(outlet.low, outlet.high);
+        return from.length_squared() > reach.radius * reach.radius;
     }
-    (x - outlet.low).min(outlet.high - x).min_element() > way
+    (x - outlet.low).min(outlet.high - x).min_element() > reach.radius
 }
 
-/// When a centre enters the box of an outlet, or leaves that which it has to stay in.
-fn passes<const K: usize>(outlet: &Outlet, course: &Course<K>, left: f64) -> Option<f64> {
-    let sides: Vec<[f64; K]> = (0..3)
-        .flat_map(|k| {
-            let mut low = course.map(|c| c[k]);
-            let mut high = low.map(|c| -c);
-            low[0] -= outlet.low[k];
-            high[0] += outlet.high[k];
-            [low, high]
-        })
-        .collect();
-    if !outlet.inside {
-        // Out through any side.
-        return sides
-            .into_iter()
-            .filter_map(|f| falls(f, left).next())
-            .reduce(f64::min);
-    }
-    // In through one, where it is within all others.
-    let entries = sides.iter().enumerate().filter_map(|(k, side)| {
+/// When a centre may enter the box of an outlet, or leave that which it has to stay in.
+fn passes(outlet: &Outlet, course: &Course, off: &Off, left: f64) -> Option<f64> {
+    let inwards = if outlet.inside { 1.0 } else { -1.0 };
+    // How far it is from passing each side, on the other side below 0.
+    let side = |out: DVec3, at: DVec3| {
+        let mut f = along(course, inwards * out, off);
+        f[0] -= inwards * out.dot(at);
+        f
+    };
+    let sides: [[f64; 4]; 6] = std::array::from_fn(|k| match k % 2 {
+        0 => side(-DVec3::AXES[k / 2], outlet.low),
+        _ => side(DVec3::AXES[k / 2], outlet.high),
+    });
+    let passed = sides.iter().enumerate().filter_map(|(k, f)| {
+        // In through one, where it is within all others; out through any.
         let within = |t: &f64| {
             let mut others = sides.iter().enumerate().filter(|(other, _)| *other != k);
-            others.all(|(_, f)| value(f, *t) >= 0.0)
+            !outlet.inside || others.all(|(_, f)| value(f, *t) <= 0.0)
         };
-        falls(side.map(|c| -c), left).find(within)
+        falls(*f, left).find(within)
     });
-    entries.reduce(f64::min)
+    passed.reduce(f64::min)
 }

@@ -77,6 +77,7 @@ impl Run<'_> {
         let (model, n) = (self.model, self.model.bodies());
         let Events {
             motions,
+            curves,
             group,
             touching,
             ..
@@ -91,7 +92,8 @@ impl Run<'_> {
         let mut next = 0;
         while let Some(&i) = group.get(next) {
             next += 1;
-            let (x, r) = (motions[i].place(t), model.radius[i]);
+            let r = model.radius[i];
+            let x = motions[i].exact_place(r, &curves[i], t);
             for (w, wall) in model.walls.iter().enumerate() {
                 let joins = wall.shape.clearance(x, r) <= JOINS * r
                     && wall.shape.meet(x, r).is_some_and(|p| p.gap <= JOINS * r);
@@ -101,9 +103,12 @@ impl Run<'_> {
             }
             for j in (0..n).filter(|&j| j != i && self.state.present[j]) {
                 let (reach, s) = (r + model.radius[j], model.radius[j]);
-                let d = motions[j].place(t) - x;
                 let joins = reach + JOINS * r.min(s);
-                if d.length_squared() <= joins * joins && model.law_of(i, j).is_some() {
+                let other = &motions[j];
+                let near = joins + other.off(t)[0];
+                let joins = (other.place(t) - x).length_squared() <= near * near
+                    && (other.exact_place(s, &curves[j], t) - x).length_squared() <= joins * joins;
+                if joins && model.law_of(i, j).is_some() {
                     touching.push((i.min(j) as u32, i.max(j) as u32));
                     if !group.contains(&j) {
                         group.push(j);

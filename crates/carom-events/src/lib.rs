@@ -1,7 +1,7 @@
 //! Method `events`: the limit of small steps, computed without one. Motion between impacts is known in closed form, the times of impacts are roots of
 //! polynomials, and the impact law is that of the step, by the same code ([`carom_core::moment::impact`]).
 //!
-//! `motion.rs` has the modes of a ball and their closed forms (`curved.rs` the one that has none, `turns.rs` orientations), `meet.rs` when bodies meet,
+//! `motion.rs` has the modes of a ball and their closed forms (`curved.rs` and `series.rs` the one that has none, `turns.rs` orientations), `meet.rs` when bodies meet,
 //! [`roots`] the roots, `queue.rs` what happens next, `foresee.rs` fills it. `step.rs` is the loop over events, `carry.rs` takes a ball from one to the next,
 //! `group.rs` has impacts, `handover.rs` what has no closed form, `close.rs` the end of a step. `check.rs` says what it cannot do. `docs/theory/events.md` states
 //! all of it.
@@ -20,6 +20,7 @@ mod meet;
 mod motion;
 mod queue;
 pub mod roots;
+mod series;
 mod step;
 mod sums;
 mod turns;

@@ -1,21 +1,25 @@
 //! When two bodies meet: their gap as polynomials of time, and the first fall of each.
 //!
 //! Where positions are polynomials of second degree a gap to a plane is one of second degree, the square of a distance from a
-//! point or a line one of fourth, and what tells whether a circle is near one of eighth. Pieces of curves have more terms: `K` of the course, `S = 2K - 1` of
-//! squares, `R = 4K - 3` of squares of these. A wall has features: faces, edges, corners, rims. Each is
-//! looked at as if it had no end; whether the wall itself is there is asked of the geometry that the step uses.
+//! point or a line one of fourth, and what tells whether a circle is near one of eighth. A ball whose place is known within a bound is looked at as one that
+//! swells by it, with a term of third degree: what it meets then it may meet later, and has to be looked at closer from there.
+//! A wall has features: faces, edges, corners, rims. Each is looked at as if it had no end; whether the wall itself is there is asked of
+//! the geometry that the step uses.
 
-use crate::roots::{deflated, falls};
+use crate::roots::{deflated, falls, value};
 use carom_geom::{Disc, Rectangle, Shape};
 use glam::DVec3;
 
 /// Place of a ball as a polynomial of the time since some moment, lowest coefficient first.
-pub type Course<const K: usize> = [DVec3; K];
+pub type Course = [DVec3; 3];
+/// How far a ball may be off its course, m, in the same way.
+pub type Off = [f64; 4];
 
-/// What counts as nothing: gap (m), speed (m/s), acceleration (m/s^2); and the time (s) below which a flight between two contacts is none.
+/// What counts as nothing: gap and how far off a course (m), speed (m/s), acceleration (m/s^2); and the time (s) below which a flight between two contacts is none.
 #[derive(Clone, Copy, Debug)]
 pub struct Nothing {
     pub gap: f64,
+    pub off: f64,
     pub speed: f64,
     pub acceleration: f64,
     pub flight: f64,
@@ -24,17 +28,22 @@ pub struct Nothing {
 /// A bound of a way is more by this (1): of its rounding.
 const MORE: f64 = 1.0 + 1e-9;
 
-/// How far a course can lead: the speed at its start, m/s, and a bound of the acceleration, m/s^2.
+/// A ball of space that a course does not leave in some time.
 #[derive(Clone, Copy, Debug)]
-pub struct Path {
-    pub speed: f64,
-    pub most: f64,
+pub struct Reach {
+    pub middle: DVec3,
+    pub radius: f64,
 }
 
-impl Path {
-    /// In a time (s), m.
-    pub fn way(&self, time: f64) -> f64 {
-        MORE * time * (self.speed + 0.5 * self.most * time)
+impl Reach {
+    /// Of `end` seconds from now on, with a bound of the acceleration, m/s^2.
+    pub fn new(course: &Course, off: &Off, most: f64, end: f64) -> Reach {
+        let half = 0.5 * end;
+        let speed = (course[1] + end * course[2]).length();
+        Reach {
+            middle: course[0] + half * (course[1] + half * course[2]),
+            radius: MORE * (half * (speed + 0.5 * most * half) + value(off, end)),
+        }
     }
 }
 
@@ -47,6 +56,8 @@ pub enum Meeting {
     Never,
     /// After a time, s.
     At(f64),
+    /// Perhaps, after a time (s): a course has to be known better from then on.
+    Closer(f64),
     /// It is closed, and stays so: forces press the bodies together.
     Pressed,
 }
@@ -57,7 +68,12 @@ impl Meeting {
         match (self, other) {
             (Meeting::Never, m) | (m, Meeting::Never) => m,
             (Meeting::Pressed, _) | (_, Meeting::Pressed) => Meeting::Pressed,
-            (Meeting::At(a), Meeting::At(b)) => Meeting::At(a.min(b)),
+            (Meeting::At(a) | Meeting::Closer(a), Meeting::At(b) | Meeting::Closer(b)) => {
+                match a < b {
+                    true => self,
+                    false => other,
+                }
+            }
         }
     }
 }
@@ -82,24 +98,41 @@ fn opened<const N: usize>(f: [f64; N], nothing: &Nothing) -> Result<[f64; N], Me
     })
 }
 
-/// The first time in `end` seconds at which a gap closes where it is one. `touches`: it is closed now.
-fn closes<const N: usize>(
+/// The first time in `end` seconds at which a gap closes where it is one. `touches`: it is closed now. A course without a bound has the first `M` terms.
+fn closes<const N: usize, const M: usize>(
     f: [f64; N],
     touches: bool,
     end: f64,
+    off: &Off,
     nothing: &Nothing,
     is_there: impl Fn(f64) -> bool,
 ) -> Meeting {
-    if !touches {
-        let first = falls(f, end).find(|&t| is_there(t));
-        return first.map_or(Meeting::Never, Meeting::At);
+    if off[3] > 0.0 {
+        return first_close(f, touches, end, off, nothing, is_there);
     }
-    let rest = match opened(f, nothing) {
-        Ok(rest) => rest,
-        Err(meeting) => return meeting,
+    let f: [f64; M] = std::array::from_fn(|k| f[k]);
+    first_close(f, touches, end, off, nothing, is_there)
+}
+
+fn first_close<const N: usize>(
+    f: [f64; N],
+    touches: bool,
+    end: f64,
+    off: &Off,
+    nothing: &Nothing,
+    is_there: impl Fn(f64) -> bool,
+) -> Meeting {
+    let rest = match touches {
+        true if off[0] > nothing.off => return Meeting::Closer(0.0),
+        true => match opened(f, nothing) {
+            Ok(rest) => rest,
+            Err(meeting) => return meeting,
+        },
+        false => f,
     };
     match falls(rest, end).find(|&t| is_there(t)) {
-        Some(t) if t <= nothing.flight => Meeting::Pressed,
+        Some(t) if touches && t <= nothing.flight => Meeting::Pressed,
+        Some(t) if value(off, t) > nothing.off => Meeting::Closer(t),
         Some(t) => Meeting::At(t),
         None => Meeting::Never,
     }
@@ -107,73 +140,93 @@ fn closes<const N: usize>(
 
 /// `|d|^2`.
 #[inline]
-pub fn square<const K: usize, const S: usize>(d: &Course<K>) -> [f64; S] {
-    let mut f = [0.0; S];
-    for i in 0..K {
-        f[2 * i] += d[i].length_squared();
-        for j in i + 1..K {
-            f[i + j] += 2.0 * d[i].dot(d[j]);
+fn square(d: &Course) -> [f64; 7] {
+    let cross = |i: usize, j: usize| 2.0 * d[i].dot(d[j]);
+    [
+        d[0].length_squared(),
+        cross(0, 1),
+        d[1].length_squared() + cross(0, 2),
+        cross(1, 2),
+        d[2].length_squared(),
+        0.0,
+        0.0,
+    ]
+}
+
+/// What swelling by `sign off` adds to the square of a radius.
+#[inline]
+fn swollen(f: &mut [f64; 7], size: f64, sign: f64, off: &Off) {
+    if off[3] == 0.0 {
+        return;
+    }
+    for (i, a) in off.iter().enumerate() {
+        f[i] += 2.0 * sign * size * a;
+        for (j, b) in off.iter().enumerate() {
+            f[i + j] += a * b;
         }
     }
-    f
 }
 
 /// The gap of two balls, over the sum `reach` of their radii in its square: `(|x|^2 - reach^2)/(2 reach)`.
 #[inline]
-fn distance_gap<const K: usize, const S: usize>(d: &Course<K>, reach: f64) -> [f64; S] {
+pub fn distance_gap(d: &Course, reach: f64, sign: f64, off: &Off) -> [f64; 7] {
     let mut f = square(d);
     // Of squares that are alike the difference would be rounding.
     let distance = d[0].length();
     f[0] = (distance - reach) * (distance + reach);
-    f.map(|c| 0.5 / reach * c)
+    let mut more = [0.0; 7];
+    swollen(&mut more, reach, sign, off);
+    for (f, more) in f.iter_mut().zip(more) {
+        *f = 0.5 / reach * (*f - more);
+    }
+    f
 }
 
-/// The part of a course along a direction.
+/// The part of a course along a direction, less how far off it one may be.
 #[inline]
-pub fn along<const K: usize>(course: &Course<K>, direction: DVec3) -> [f64; K] {
-    course.map(|c| c.dot(direction))
+pub fn along(course: &Course, direction: DVec3, off: &Off) -> [f64; 4] {
+    let c = course.map(|c| c.dot(direction));
+    [c[0] - off[0], c[1] - off[1], c[2] - off[2], -off[3]]
 }
 
 /// Two balls: `between` is the place of one from the other.
-pub fn balls<const K: usize, const S: usize>(
-    between: &Course<K>,
-    reach: f64,
-    end: f64,
-    nothing: &Nothing,
-) -> Meeting {
-    let f: [f64; S] = distance_gap(between, reach);
-    closes(f, f[0] <= nothing.gap, end, nothing, |_| true)
+pub fn balls(between: &Course, reach: f64, off: &Off, end: f64, nothing: &Nothing) -> Meeting {
+    let f = distance_gap(between, reach, 1.0, off);
+    closes::<7, 5>(f, f[0] <= nothing.gap, end, off, nothing, |_| true)
 }
 
-/// A ball of radius `r` and a wall that does not move.
-pub fn wall<const K: usize, const S: usize, const R: usize>(
+/// A ball of radius `r` and a wall that does not move. `carried`: the normal of a surface along which the ball goes.
+pub fn wall(
     shape: &Shape,
-    course: &Course<K>,
-    path: &Path,
+    (course, off, most): (&Course, &Off, f64),
+    carried: Option<DVec3>,
     r: f64,
     end: f64,
     nothing: &Nothing,
 ) -> Meeting {
-    let mut look = Look::<K, S, R> {
+    let met = shape.meet(course[0], r);
+    let mut look = Look {
         shape,
         course,
-        path,
+        off,
+        reach: Reach::new(course, off, most, end),
+        carried,
         r,
         end,
         nothing,
-        touches: shape
-            .meet(course[0], r)
-            .is_some_and(|p| p.gap <= nothing.gap),
+        touches: met.is_some_and(|p| p.gap <= nothing.gap + off[0]),
         found: Meeting::Never,
     };
     look.all();
     look.found
 }
 
-struct Look<'a, const K: usize, const S: usize, const R: usize> {
+struct Look<'a> {
     shape: &'a Shape,
-    course: &'a Course<K>,
-    path: &'a Path,
+    course: &'a Course,
+    off: &'a Off,
+    reach: Reach,
+    carried: Option<DVec3>,
     r: f64,
     /// What is later is not looked for: the end, or the first meeting found.
     end: f64,
@@ -182,7 +235,7 @@ struct Look<'a, const K: usize, const S: usize, const R: usize> {
     found: Meeting,
 }
 
-impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
+impl Look<'_> {
     fn all(&mut self) {
         match *self.shape {
             Shape::HalfSpace { point, normal } => self.plane(point, normal),
@@ -239,20 +292,20 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
     }
 
     fn plane(&mut self, point: DVec3, normal: DVec3) {
-        let mut f = along(self.course, normal);
-        f[0] = (self.course[0] - point).dot(normal) - self.r;
-        self.feature(f);
+        let mut f = along(self.course, normal, self.off);
+        f[0] = (self.course[0] - point).dot(normal) - self.r - self.off[0];
+        self.feature::<4, 3>(f);
     }
 
     /// The course from a point.
-    fn from(&self, point: DVec3) -> Course<K> {
+    fn from(&self, point: DVec3) -> Course {
         let mut d = *self.course;
         d[0] -= point;
         d
     }
 
     /// The course across an axis.
-    fn across(&self, point: DVec3, axis: DVec3) -> Course<K> {
+    fn across(&self, point: DVec3, axis: DVec3) -> Course {
         self.from(point).map(|d| d - axis * axis.dot(d))
     }
 
@@ -266,11 +319,19 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
         self.outside(&self.across(point, axis), size);
     }
 
-    fn outside(&mut self, from: &Course<K>, size: f64) {
+    fn outside(&mut self, from: &Course, size: f64) {
         let reach = self.r + size;
-        if from[0].length() - reach <= self.path.way(self.end) {
-            let f: [f64; S] = distance_gap(from, reach);
-            self.feature(f);
+        // What lies in the surface is passed over at this distance, no nearer.
+        let is_below = |n: DVec3| {
+            let stays = n.dot(from[1]) == 0.0 && n.dot(from[2]) == 0.0;
+            stays && n.dot(from[0]) >= reach - self.nothing.gap
+        };
+        if self.carried.is_some_and(is_below) {
+            return;
+        }
+        let middle = from[0] + 0.5 * self.end * (from[1] + 0.5 * self.end * from[2]);
+        if middle.length() <= reach + self.reach.radius {
+            self.feature::<7, 5>(distance_gap(from, reach, 1.0, self.off));
         }
     }
 
@@ -281,29 +342,34 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
             None => self.from(centre),
         };
         if size > self.r {
-            let f: [f64; S] = distance_gap(&from, size - self.r);
-            self.feature(f.map(|c| -c));
+            let f = distance_gap(&from, size - self.r, -1.0, self.off);
+            self.feature::<7, 5>(f.map(|c| -c));
         }
     }
 
     /// A circle: with `s = |x|^2 + size^2 - r^2` and `p` the place in its plane, `s^2 = 4 size^2 |p|^2` where the ball touches it.
     fn rim(&mut self, centre: DVec3, normal: DVec3, size: f64) {
-        let mut s: [f64; S] = square(&self.from(centre));
-        let q: [f64; S] = square(&self.across(centre, normal));
+        let mut s = square(&self.from(centre));
+        let q = square(&self.across(centre, normal));
         s[0] += size * size - self.r * self.r;
+        let mut more = [0.0; 7];
+        swollen(&mut more, self.r, 1.0, self.off);
+        for (s, more) in s.iter_mut().zip(more) {
+            *s -= more;
+        }
         let scale = 1.0 / (8.0 * size * size * self.r);
-        let mut f = [0.0; R];
+        let mut f = [0.0; 13];
         for (i, a) in s.iter().enumerate() {
             for (j, b) in s.iter().enumerate() {
                 f[i + j] += scale * a * b;
             }
             f[i] -= scale * 4.0 * size * size * q[i];
         }
-        self.feature(f);
+        self.feature::<13, 9>(f);
     }
 
     /// Takes in when the ball meets a feature, the first time that the wall itself is there.
-    fn feature<const N: usize>(&mut self, f: [f64; N]) {
+    fn feature<const N: usize, const M: usize>(&mut self, f: [f64; N]) {
         let near = |t: f64| {
             let x = self
                 .course
@@ -311,17 +377,17 @@ impl<const K: usize, const S: usize, const R: usize> Look<'_, K, S, R> {
                 .rev()
                 .fold(DVec3::ZERO, |x, c| x * t + *c);
             let met = self.shape.meet(x, self.r);
-            met.is_some_and(|p| p.gap <= self.nothing.gap)
+            met.is_some_and(|p| p.gap <= self.nothing.gap + value(self.off, t))
         };
         let touches = self.touches && f[0].abs() <= self.nothing.gap;
-        let meeting = match closes(f, touches, self.end, self.nothing, near) {
+        let meeting = match closes::<N, M>(f, touches, self.end, self.off, self.nothing, near) {
             Meeting::At(t) if t > 0.0 => Meeting::At(self.polished(t)),
             other => other,
         };
         self.found = self.found.or(meeting);
         match self.found {
             Meeting::Never => {}
-            Meeting::At(t) => self.end = t,
+            Meeting::At(t) | Meeting::Closer(t) => self.end = t,
             Meeting::Pressed => self.end = 0.0,
         }
     }

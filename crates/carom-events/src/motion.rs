@@ -11,21 +11,22 @@
 //! ```
 //!
 //! and in all but flight `w_n` falls by `delta g/(kappa r^2)` to 0. With rolling resistance slip and turning keep their directions only while
-//! they lie in one line; else the motion goes on in pieces (`curved.rs`).
+//! they lie in one line; else the slide turns (`curved.rs`), and the closed form is what it follows within a bound.
 
-use crate::curved::{series, Rates, TERMS};
+use crate::curved::Curve;
+use crate::series::Rates;
+use crate::turns::{parts_of, turned};
 use carom_core::transition::{Kind, Mode};
 use carom_core::Model;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 /// Slip or speed over that of the ball (1) below which it is rounding. Smaller: what rolls slides on for a moment, event after event.
 const ROUNDING: f64 = 1e-13;
 /// Share (1) by which slip and turning may leave one line and count as in it.
 const IN_LINE: f64 = 1e-12;
-/// Slip over the speeds (1) below which its direction turns no more: the last moment of a slide.
-const LAST_SLIP: f64 = 1e-11;
-/// A bound is more by this (1): of its rounding.
-const MORE: f64 = 1.0 + 1e-9;
+/// Slip over the speeds (1) below which only that turns: the last moment of a slide. Larger: the resistance has not kept its direction, and places are off a
+/// parabola by more than their rounding. Smaller: slides that turn have more parts.
+const LAST_SLIP: f64 = 1e-7;
 /// The same as a time, s, that is left: less is lost in the rounding of times.
 const LAST_TIME: f64 = 1e-12;
 
@@ -41,7 +42,7 @@ pub enum End {
     /// All motion of the centre.
     Stop,
     Spin,
-    /// A piece of a curve.
+    /// What is known well enough of a slide that turns.
     Piece,
 }
 
@@ -68,26 +69,39 @@ pub struct Support {
     pub law: u32,
 }
 
-/// The motion of a ball from `start` on: position `x[0] + x[1] t + x[2] t^2 ...`, angular velocity `w[0] + w[1] t ...`, `t` since `start`. Terms from
-/// `terms` on are 0.
+/// The motion of a ball from `start` on: position `x[0] + x[1] t + x[2] t^2`, angular velocity `w[0] + w[1] t`, `t` since `start`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Motion {
     pub mode: Mode,
     pub support: Option<Support>,
     /// s, since the start of the step.
     pub start: f64,
-    pub x: [DVec3; TERMS],
-    pub w: [DVec3; TERMS],
-    pub terms: usize,
+    pub x: [DVec3; 3],
+    pub w: [DVec3; 2],
+    /// A slide that turns, with the slip below which it does no more, m/s. It is off its position by `drift t^3` at most (m/s^3), and of its angular
+    /// velocity `w[1]` has the spin alone.
+    pub turns: Option<(Rates, f64)>,
+    pub drift: f64,
     /// Bound of the acceleration of the centre, m/s^2.
     pub most: f64,
     /// How long this form holds, s, and what ends it.
     pub holds: f64,
-    /// How long the mode lasts at most, s: of slides in pieces more than one piece.
-    pub lasts: f64,
     /// When something ends this motion at the latest, s since the start of the step.
     pub ends: f64,
     pub end: End,
+}
+
+/// What a ball did from the start of its motion until some time.
+pub struct Passage {
+    pub place: DVec3,
+    pub velocities: [DVec3; 2],
+    pub orientation: DQuat,
+    /// Of both velocities: not as differences, which round.
+    pub changes: [DVec3; 2],
+    /// The mean place, m.
+    pub mean: DVec3,
+    /// Sums over time of slip (m), turning and spin (rad).
+    pub ways: [f64; 3],
 }
 
 impl Motion {
@@ -103,31 +117,24 @@ impl Motion {
 
     /// A parabola with a constant angular velocity.
     pub fn plain(course: [DVec3; 3], w: DVec3) -> Motion {
-        let mut motion = Motion {
+        Motion {
+            x: course,
+            w: [w, DVec3::ZERO],
             holds: f64::INFINITY,
-            lasts: f64::INFINITY,
-            terms: 3,
             most: 2.0 * course[2].length(),
             ..Motion::default()
-        };
-        motion.x[..3].copy_from_slice(&course);
-        motion.w[0] = w;
-        motion
+        }
     }
 
     /// It holds until a time (s since its start) at most.
     fn until(&mut self, time: f64, end: End) {
         if time < self.holds {
             (self.holds, self.end) = (time, end);
-            if end != End::Piece {
-                self.lasts = time;
-            }
         }
     }
 
     /// Velocities at the end of its form, without the rounding of what has come to its end.
-    pub fn at_end(&self, radius: f64) -> [DVec3; 2] {
-        let [v, w] = self.velocities(self.start + self.holds);
+    pub fn at_end(&self, [v, w]: [DVec3; 2], radius: f64) -> [DVec3; 2] {
         let n = self.support.map_or(DVec3::ZERO, |s| s.normal);
         let spin = n * n.dot(w);
         match self.end {
@@ -205,48 +212,55 @@ impl Motion {
         let slip = v + q;
         let size = slip.length();
         let along = slip / size;
-        // By friction `q` changes against the slip; resistance opposes it.
-        let mut rate = c;
-        if b > 0.0 {
-            let (in_line, off) = (q.dot(along), q.cross(along).length());
+        // Resistance against turning, over `b`. Turning so slow is over before a time is: what grows from it lies in the line of the slip.
+        let turns = q.length() > (ROUNDING * size).max(LAST_TIME * (b + c));
+        let (against, b) = match turns {
+            true => (q.normalize(), b),
+            false => (-along, b.min(c)),
+        };
+        if turns && b > 0.0 {
+            let off = q.cross(along).length();
             let last = (LAST_SLIP * speed).max(LAST_TIME * (a + b + c));
-            // Turning so slow is over before a time is: what grows from it lies in the line of the slip.
-            let turns = q.length() > (ROUNDING * size).max(LAST_TIME * (b + c));
-            if turns && off > IN_LINE * (q.length() + size) && size > last {
-                return self.curve(v, q, rates, (r, n));
-            }
-            if !turns {
-                rate = (rate - b).max(0.0);
-            } else {
-                rate += b.copysign(in_line);
-                if in_line / rate > 0.0 {
-                    self.until(in_line / rate, End::Turning);
+            let in_line = off <= IN_LINE * (q.length() + size);
+            if !in_line && size > last {
+                self.turns = Some((rates, last));
+            } else if in_line {
+                let rate = c + b.copysign(q.dot(along));
+                if q.dot(along) / rate > 0.0 {
+                    self.until(q.dot(along) / rate, End::Turning);
                 }
             }
         }
-        self.x[2] = -0.5 * a * along;
         self.most = a;
-        self.w[1] = rate / r * n.cross(along);
-        if a + rate > 0.0 {
-            self.until(size / (a + rate), End::Slip);
+        self.x[2] = -0.5 * a * along;
+        if self.turns.is_some() {
+            return;
+        }
+        // What the slip loses until it ends, and its mean direction: with a resistance that keeps its direction `|u| (a + c - b cos)` falls evenly.
+        let (mut loses, mut mean) = (a + c, along);
+        if b > 0.0 {
+            loses = (loses * loses - b * b) / (loses - b * against.dot(along));
+            mean = (loses * along - b * against) / (a + c);
+        }
+        self.x[2] = -0.5 * a * mean;
+        self.w[1] = n.cross(c * mean + b * against) / r;
+        if loses > 0.0 {
+            self.until(size / loses, End::Slip);
         }
     }
 
-    /// A piece of a slide out of line.
-    fn curve(&mut self, v: DVec3, q: DVec3, rates: Rates, (r, n): (f64, DVec3)) {
-        // The slip loses this at least.
-        let loses = rates.a + rates.c - rates.b;
-        if loses > 0.0 {
-            self.lasts = MORE * (v + q).length() / loses;
+    /// A slide that turns, as long as it is known ahead; one that goes on, or a new one.
+    pub fn follow(&mut self, curve: &mut Curve, radius: f64, goes_on: bool) {
+        let (Some((rates, last)), Some(support)) = (self.turns, self.support) else {
+            return;
+        };
+        if !goes_on {
+            let q = radius * support.normal.cross(self.w[0]);
+            curve.begin(self.x[1], q, support.normal, rates);
         }
-        let (v, q, holds) = series(v, q, n, rates);
-        for k in 1..TERMS - 1 {
-            self.x[k + 1] = v[k] / (k + 1) as f64;
-            self.w[k] = -n.cross(q[k]) / r;
-        }
-        self.terms = TERMS;
-        self.most = rates.a;
-        self.until(holds, End::Piece);
+        let (time, rate) = curve.look_ahead(last);
+        self.drift = rates.a * rate / 6.0;
+        self.until(time, End::Piece);
     }
 
     fn roll(
@@ -278,56 +292,82 @@ impl Motion {
         Some(())
     }
 
-    /// Value of a series of `terms` terms.
-    #[inline]
-    fn value(c: &[DVec3; TERMS], terms: usize, t: f64) -> DVec3 {
-        let rest = c[..terms].iter().rev();
-        rest.fold(DVec3::ZERO, |sum, c| sum * t + *c)
-    }
-
-    /// Place `t` seconds after the start of the step.
+    /// Place `t` seconds after the start of the step; of a slide that turns within its bound.
     #[inline]
     pub fn place(&self, t: f64) -> DVec3 {
-        Self::value(&self.x, self.terms, t - self.start)
-    }
-
-    /// Velocity and angular velocity.
-    #[inline]
-    pub fn velocities(&self, t: f64) -> [DVec3; 2] {
         let t = t - self.start;
-        let terms = (1..self.terms).rev();
-        let v = terms.fold(DVec3::ZERO, |sum, k| sum * t + k as f64 * self.x[k]);
-        [v, self.turning(t)]
+        (self.x[2] * t + self.x[1]) * t + self.x[0]
     }
 
-    /// Angular velocity `t` seconds after its own start.
+    /// Velocity of that place.
     #[inline]
-    pub fn turning(&self, t: f64) -> DVec3 {
-        Self::value(&self.w, self.terms - 1, t)
+    pub fn velocity(&self, t: f64) -> DVec3 {
+        2.0 * (t - self.start) * self.x[2] + self.x[1]
     }
 
-    /// By how much both velocities change in `dt` seconds from its start on: not as differences, which round.
-    pub fn changes(&self, dt: f64) -> [DVec3; 2] {
-        let terms = (2..self.terms).rev();
-        let v = terms.fold(DVec3::ZERO, |sum, k| sum * dt + k as f64 * self.x[k]);
-        let terms = (1..self.terms - 1).rev();
-        let w = terms.fold(DVec3::ZERO, |sum, k| sum * dt + self.w[k]);
-        [dt * v, dt * w]
-    }
-
-    /// The course from a time on, of which `K` terms are not 0.
-    pub fn course<const K: usize>(&self, now: f64) -> [DVec3; K] {
-        let mut c = [DVec3::ZERO; K];
-        c.copy_from_slice(&self.x[..K]);
-        let by = now - self.start;
-        if by != 0.0 {
-            for k in 0..K {
-                for i in (k..K - 1).rev() {
-                    let above = c[i + 1];
-                    c[i] += by * above;
-                }
-            }
+    /// The same as a polynomial of the time from a moment on.
+    pub fn course(&self, now: f64) -> [DVec3; 3] {
+        if now == self.start {
+            return self.x;
         }
-        c
+        [self.place(now), self.velocity(now), self.x[2]]
+    }
+
+    /// How far the ball may be off that, m, as a polynomial too.
+    pub fn off(&self, now: f64) -> [f64; 4] {
+        let t = now - self.start;
+        [t * t * t, 3.0 * t * t, 3.0 * t, 1.0].map(|c| self.drift * c)
+    }
+
+    /// Where the ball is, on a slide that turns too.
+    pub fn exact_place(&self, radius: f64, curve: &Curve, t: f64) -> DVec3 {
+        match self.turns {
+            None => self.place(t),
+            Some(_) => self.x[0] + curve.slides(t - self.start, radius, None).way,
+        }
+    }
+
+    /// From its start to a time.
+    pub fn passage(&self, radius: f64, curve: &Curve, orientation: DQuat, t: f64) -> Passage {
+        let dt = t - self.start;
+        let at = |t: f64| self.w[0] + t * self.w[1];
+        let n = self.support.map_or(DVec3::ZERO, |s| s.normal);
+        // Sizes that change evenly: Simpson's rule is exact.
+        let sum = |of: &dyn Fn(f64) -> f64| (of(0.0) + 4.0 * of(0.5 * dt) + of(dt)) / 6.0 * dt;
+        let spun = sum(&|t| n.dot(at(t)).abs());
+        if self.turns.is_some() {
+            let mut orientation = orientation;
+            let spin = |t: f64| n.dot(at(t)) * n;
+            let slid = curve.slides(dt, radius, Some((&mut orientation, &spin)));
+            let w = -n.cross(slid.turning) / radius + spin(dt);
+            let mean = if dt > 0.0 { slid.sum / dt } else { DVec3::ZERO };
+            return Passage {
+                place: self.x[0] + slid.way,
+                velocities: [self.x[1] + slid.change, w],
+                orientation,
+                changes: [slid.change, w - self.w[0]],
+                mean: self.x[0] + mean,
+                ways: [slid.slipped, slid.turned / radius, spun],
+            };
+        }
+        let slip = |t: f64| (self.x[1] + 2.0 * t * self.x[2] + radius * n.cross(at(t))).length();
+        let turning = |t: f64| (at(t) - n * n.dot(at(t))).length();
+        let mut orientation = orientation;
+        if self.w != [DVec3::ZERO; 2] {
+            // About one line it is exact.
+            let parts = match self.w[0].cross(self.w[1]) == DVec3::ZERO {
+                true => 1.0,
+                false => parts_of(dt * at(0.0).length().max(at(dt).length())),
+            };
+            orientation = turned(orientation, dt, parts, at);
+        }
+        Passage {
+            place: self.place(t),
+            velocities: [self.velocity(t), at(dt)],
+            orientation,
+            changes: [2.0 * dt * self.x[2], dt * self.w[1]],
+            mean: self.x[0] + dt * (0.5 * self.x[1] + dt / 3.0 * self.x[2]),
+            ways: [sum(&slip), sum(&turning), spun],
+        }
     }
 }

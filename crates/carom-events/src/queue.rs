@@ -12,6 +12,8 @@ pub enum What {
     Edge,
     /// They meet, the second body may be a wall.
     Meet,
+    /// They may: how they move has to be known better.
+    Closer,
     /// Forces press them together.
     Press,
     /// A ball enters (or leaves) the box of an outlet.

@@ -1,7 +1,8 @@
 //! The loop over events: from one report to the next, each ball as its closed form has it until something happens to it.
 
-use crate::foresee::{Foresight, Near};
-use crate::motion::{End, Motion};
+use crate::curved::Curve;
+use crate::foresee::Foresight;
+use crate::motion::Motion;
 use crate::queue::{Event, Queue, What};
 use crate::sums::Sums;
 use carom_core::contact::ContactKey;
@@ -23,8 +24,9 @@ const MOST_EVENTS: [f64; 2] = [1e5, 1e6];
 /// Method `events`. Nothing here outlives a step.
 pub struct Events {
     pub motions: Vec<Motion>,
+    /// Of the balls whose slides turn.
+    pub curves: Vec<Curve>,
     pub queue: Queue,
-    pub near: Near,
     pub sums: Sums,
     pub group: Vec<usize>,
     pub touching: Vec<ContactKey>,
@@ -37,8 +39,8 @@ impl Events {
         Events {
             stepping,
             motions: Vec::new(),
+            curves: Vec::new(),
             queue: Queue::default(),
-            near: Near::default(),
             sums: Sums::default(),
             group: Vec::new(),
             touching: Vec::new(),
@@ -121,24 +123,19 @@ impl Run<'_> {
         };
         self.fastest = (0..n).map(speed).fold(0.0, f64::max);
         self.events.queue.begin(n);
-        self.events.near.begin(n, n + self.model.walls.len());
         self.events.motions.clear();
         self.events.motions.resize(n, Motion::default());
+        self.events.curves.resize(n, Curve::default());
         for i in 0..n {
-            self.set_off(i, now, self.support(i));
+            self.set_off(i, now, self.support(i), false);
         }
         let present: Vec<usize> = (0..n).filter(|&i| self.state.present[i]).collect();
-        self.foresee(&present, now, true);
+        self.foresee(&present, now);
     }
 
-    /// What will happen to some balls, in the order of their numbers, whose mode is new or goes on in a new piece.
-    fn foresee(&mut self, balls: &[usize], now: f64, is_new: bool) {
-        let Events {
-            motions,
-            near,
-            queue,
-            ..
-        } = &mut *self.events;
+    /// What will happen to some balls that set off, in the order of their numbers.
+    fn foresee(&mut self, balls: &[usize], now: f64) {
+        let Events { motions, queue, .. } = &mut *self.events;
         let foresight = Foresight {
             model: self.model,
             state: self.state,
@@ -148,22 +145,26 @@ impl Run<'_> {
             fastest: self.fastest,
         };
         for &i in balls {
-            foresight.motions[i].ends = foresight.alone(i, is_new, near, queue);
+            foresight.motions[i].ends = foresight.alone(i, queue);
         }
         for (k, &i) in balls.iter().enumerate() {
             // Each pair of them once.
             let with = |j| balls[..k].binary_search(&j).is_err();
-            foresight.others(i, is_new, with, near, queue);
+            foresight.others(i, with, queue);
         }
     }
 
     fn happens(&mut self, event: &Event) -> Result<(), Failure> {
         let ((a, b), t) = (event.bodies, event.time);
         let i = a as usize;
-        if event.what == What::Meet {
-            return self.meet((a, b), t);
+        match event.what {
+            What::Meet => return self.meet((a, b), t),
+            What::Closer => {
+                self.look_closer(event);
+                return Ok(());
+            }
+            _ => self.bring(i, t),
         }
-        self.bring(i, t);
         let motion = &self.events.motions[i];
         let (mode, end, on) = (motion.mode, motion.end, motion.support);
         match event.what {
@@ -177,11 +178,11 @@ impl Run<'_> {
                 self.note(t, Kind::Edge, i, Some(b), [mode, after]);
             }
             _ => {
-                let [v, w] = motion.at_end(self.model.radius[i]);
+                let moves = [self.state.velocity[i], self.state.angular_velocity[i]];
+                let [v, w] = motion.at_end(moves, self.model.radius[i]);
                 (self.state.velocity[i], self.state.angular_velocity[i]) = (v, w);
-                self.events.queue.forget(i);
-                self.set_off(i, t, on.map(|support| (support, 0.0)));
-                self.foresee(&[i], t, end != End::Piece);
+                self.set_off_along(i, t);
+                self.foresee(&[i], t);
                 if let Some(kind) = end.kind() {
                     let (after, wall) = (self.events.motions[i].mode, on.map(|s| s.wall));
                     self.note(t, kind, i, wall, [mode, after]);
@@ -191,12 +192,40 @@ impl Run<'_> {
         Ok(())
     }
 
+    /// Balls that turn and may meet something set off from where they have come to.
+    fn look_closer(&mut self, event: &Event) {
+        let ((a, b), t) = (event.bodies, event.time);
+        let n = self.model.bodies();
+        let mut balls: Vec<usize> = [a as usize, b as usize]
+            .into_iter()
+            .filter(|&i| i < n)
+            .collect();
+        balls.dedup();
+        balls.retain(|&i| self.events.motions[i].turns.is_some());
+        for &i in &balls {
+            self.bring(i, t);
+            self.set_off_along(i, t);
+        }
+        self.foresee(&balls, t);
+    }
+
+    /// A ball goes on along the surface that carries it.
+    fn set_off_along(&mut self, i: usize, t: f64) {
+        let motion = &self.events.motions[i];
+        let (on, turned) = (motion.support, motion.turns.is_some());
+        if turned {
+            self.events.curves[i].pass(t - motion.start);
+        }
+        self.events.queue.forget(i);
+        self.set_off(i, t, on.map(|support| (support, 0.0)), turned);
+    }
+
     /// A ball is in the box of an outlet.
     pub fn leave(&mut self, i: usize, t: f64) {
         let at = (self.state.step + 1, self.span.start + t);
         take_out(self.model, self.state, i, at, &mut self.scratch.left);
         self.events.queue.forget(i);
-        self.set_off(i, t, None);
+        self.set_off(i, t, None, false);
     }
 
     /// A row of the table of transitions.
@@ -217,8 +246,8 @@ impl Run<'_> {
     pub fn go_on(&mut self, balls: &[usize], t: f64) {
         for &i in balls {
             self.events.queue.forget(i);
-            self.set_off(i, t, self.support(i));
+            self.set_off(i, t, self.support(i), false);
         }
-        self.foresee(balls, t, true);
+        self.foresee(balls, t);
     }
 }

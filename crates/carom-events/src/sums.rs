@@ -1,6 +1,6 @@
 //! What contacts gave in a step: impulses of impacts, and of surfaces that carry balls.
 
-use crate::motion::{Motion, Support};
+use crate::motion::{Motion, Passage, Support};
 use carom_core::contact::{Contact, ContactKey, WorldImpulse};
 use carom_core::transition::Mode;
 use carom_core::{Model, State};
@@ -20,6 +20,13 @@ struct Sum {
     /// Of steps that took over: the corrections of positions, kg m and kg m^2.
     position: WorldImpulse,
     work: [f64; 4],
+}
+
+/// What a surface gave a ball: along the normal, all of it, and the moment about the contact.
+pub struct Given {
+    pub along: DVec3,
+    pub impulse: DVec3,
+    pub moment: DVec3,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -51,21 +58,20 @@ impl Sums {
         }
     }
 
-    /// What the surface under ball `i` gave it from the start of its motion to `t`: the impulse, and the moment about the contact.
+    /// What the surface under ball `i` gave it in a passage of `dt` seconds.
     pub fn add_support(
         &mut self,
         model: &Model,
         i: usize,
         motion: &Motion,
-        t: f64,
-    ) -> WorldImpulse {
-        let (Some(support), dt) = (motion.support, t - motion.start) else {
-            return WorldImpulse::default();
-        };
+        support: &Support,
+        (dt, passage): (f64, &Passage),
+    ) -> Given {
         let (n, r, m) = (support.normal, model.radius[i], model.mass[i]);
-        let along = m * support.g * dt * n;
+        let load = m * support.g;
+        let along = load * dt * n;
         let bounds = model.laws[support.law as usize].bounds;
-        let [dv, dw] = motion.changes(dt);
+        let [dv, dw] = passage.changes;
         let friction = m * dv;
         let rest = model.inertia[i] * dw + r * n.cross(friction);
         // What is not there is not left to rounding.
@@ -75,35 +81,22 @@ impl Sums {
             .filter(|(_, bound)| *bound > 0.0)
             .map(|(part, _)| part)
             .sum::<DVec3>();
-        // Forces that keep their size act against slip and turning: of the means of these by Simpson's rule, exact where they change evenly.
-        let rates = |t: f64| {
-            let [v, w] = motion.velocities(t);
-            let spin = n.dot(w);
-            [
-                (v + r * n.cross(w)).length(),
-                (w - spin * n).length(),
-                spin.abs(),
-            ]
-        };
-        let [first, middle, last] = [motion.start, motion.start + 0.5 * dt, t].map(rates);
-        let mean = |k: usize| (first[k] + 4.0 * middle[k] + last[k]) / 6.0;
-        let load = m * support.g * dt;
         let sum = self.of.entry((i as u32, support.wall)).or_default();
         (sum.law, sum.normal) = (support.law, n);
-        sum.status = if motion.mode == Mode::Slide {
-            Status::Slip
-        } else {
-            Status::Stick
-        };
+        let slides = motion.mode == Mode::Slide;
+        sum.status = if slides { Status::Slip } else { Status::Stick };
         sum.along += along;
         sum.impulse += along + friction;
         sum.moment += moment;
-        if motion.mode == Mode::Slide {
-            sum.work[1] -= bounds.sliding * load * mean(0);
+        // Forces that keep their size act against slip, turning and spin.
+        let [slipped, rolled, spun] = passage.ways;
+        if slides {
+            sum.work[1] -= bounds.sliding * load * slipped;
         }
-        sum.work[2] -= bounds.rolling * load * mean(1);
-        sum.work[3] -= bounds.spinning * load * mean(2);
-        WorldImpulse {
+        sum.work[2] -= bounds.rolling * load * rolled;
+        sum.work[3] -= bounds.spinning * load * spun;
+        Given {
+            along,
             impulse: along + friction,
             moment,
         }
