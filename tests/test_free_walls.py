@@ -8,6 +8,7 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError, ScenarioError
+from carom.result.walls import FreePoses
 
 G = 9.81
 RADIUS, MASS = 0.01, 0.02
@@ -332,3 +333,14 @@ def test_an_area_that_nothing_encloses_is_refused() -> None:
         scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
         result = carom.simulate(scene, step=1e-3, until=0.2, every=1)
         assert result.walls["lid"].force[-1, 2] == pytest.approx(0.2 * G + 1.0, rel=1e-9)
+
+
+def test_between_frames_a_free_wall_follows_the_cubic_through_both() -> None:
+    """A motion that is a cubic of the time is met everywhere; before the first and after the last frame the wall rests."""
+    cubic = np.polynomial.Polynomial([0.1, -0.4, 0.3, 2.0])
+    frames, between = np.array([0.0, 0.2, 0.5, 0.6]), np.linspace(0.0, 0.6, 50)
+    normal = np.array([0.0, 0.6, 0.8])
+    poses = FreePoses(normal, frames, cubic(frames), cubic.deriv()(frames))
+    assert np.abs(poses.displacement(between) - np.outer(cubic(between), normal)).max() < 1e-14
+    ends = np.outer(cubic(np.array([0.0, 0.6])), normal)
+    assert np.abs(poses.displacement(np.array([-1.0, 2.0])) - ends).max() < 1e-14

@@ -92,13 +92,13 @@ class FreePoses(Poses):
         return True
 
     def displacement(self, time: F64) -> F64:
-        from scipy.interpolate import CubicHermiteSpline
-
         if len(self._time) < 2:
-            along = np.full(len(time), self._along[0])
-        else:
-            within = np.clip(time, self._time[0], self._time[-1])
-            along = CubicHermiteSpline(self._time, self._along, self._velocity)(within)
+            return np.outer(np.full(len(time), self._along[0]), self._normal)
+        k = np.clip(np.searchsorted(self._time, time, side="right") - 1, 0, len(self._time) - 2)
+        (y, v), h = ((x[k], x[k + 1]) for x in (self._along, self._velocity)), np.diff(self._time)[k]
+        s = np.clip((time - self._time[k]) / h, 0.0, 1.0)
+        along = y[0] + (y[1] - y[0]) * s * s * (3.0 - 2.0 * s)
+        along += h * s * (1.0 - s) * ((1.0 - s) * v[0] - s * v[1])
         return np.outer(along, self._normal)
 
 
