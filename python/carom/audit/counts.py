@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array, connected
-from carom.audit import carried, flights, groups
+from carom.audit import carried, flights
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.near import MARGIN, Near
@@ -143,7 +143,7 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     tally.measure("counts", off, 0.0, block.place, judged)
     sound = judged & (doubt == 0) & (off == 0)
     a, b = sure // many % many, sure % many
-    linked = groups.linked(run)
+    linked = run.joined(run.loads)
     first = k * n + linked[a]
     second = np.where(b < n, k * n + linked[np.minimum(b, n - 1)], first)
     group = connected(block.count * n, first, second)[first]

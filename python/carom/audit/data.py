@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from carom import _core
-from carom.arrays import F64, I64, Array, Bool
+from carom.arrays import F64, I64, Array, Bool, connected
 from carom.audit import guided, rigid
 from carom.audit.formula import law
 from carom.audit.lattice import Lattice
@@ -406,19 +406,19 @@ class Run:
     @cached_property
     def linked(self) -> I64:
         """(N,) a body for each, the same for all that joints and dampers link: impulses go through these at once."""
-        found = np.arange(self.bodies)
-        links = [(joint["a"], joint["b"]) for joint in self.joints]
-        links += [
-            (load["a"], load["b"])
-            for load in self.loads
-            if load["kind"] == "spring" and load["damping"] > 0.0
+        return self.joined(
+            [load for load in self.loads if load["kind"] == "spring" and load["damping"] > 0.0]
+        )
+
+    def joined(self, loads: list[Any]) -> I64:
+        """(N,) a body for each, the same for all that joints, clumps and these loads, if between two, link."""
+        links = [
+            (one["a"], one["b"])
+            for one in (*self.joints, *loads)
+            if min(one.get("a", -1), one.get("b", -1)) >= 0
         ]
-        for a, b in links:
-            if a >= 0 and b >= 0:
-                found[found == found[b]] = found[a]
-        for clump in self.clumps:
-            found[clump.balls] = clump.first
-        return found
+        links += [(clump.first, ball) for clump in self.clumps for ball in clump.balls]
+        return connected(self.bodies, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
 
     @cached_property
     def held_apart(self) -> HeldApart:

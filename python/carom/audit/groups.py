@@ -12,7 +12,6 @@ import numpy as np
 from carom.arrays import I64, Bool, connected
 from carom.audit import carried, hits
 from carom.audit.block import Block, Rows, once
-from carom.audit.data import Run
 
 REDONE = "joints, dampers and drag answer impulses of loads anew in an impact, and so the works of contacts do not add up"
 
@@ -70,7 +69,7 @@ def struck(block: Block) -> Bool:
     run, n = block.run, block.run.bodies
     r = hits.of_block(block)
     every = np.arange(block.count)[:, None] * n
-    ends = [(every + np.arange(n)).ravel()], [(every + linked(run)).ravel()]
+    ends = [(every + np.arange(n)).ravel()], [(every + run.joined(run.loads)).ravel()]
     for table in (block.rows, r):
         ball = table.b < n
         ends[0].append(table.k[ball] * n + table.a[ball])
@@ -79,17 +78,6 @@ def struck(block: Block) -> Bool:
     found = np.zeros(len(label), dtype=bool)
     found[label[r.k * n + r.a]] = True
     return np.asarray(found[label].reshape(block.count, n))
-
-
-def linked(run: Run) -> I64:
-    """(N,) a body for each, the same for all that joints, loads between two, and clumps link."""
-    links = [
-        (one["a"], one["b"])
-        for one in (*run.joints, *run.loads)
-        if min(one.get("a", -1), one.get("b", -1)) >= 0
-    ]
-    links += [(clump.first, ball) for clump in run.clumps for ball in clump.balls]
-    return connected(run.bodies, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
 
 
 @once
