@@ -388,34 +388,12 @@ fn join_overlapping(
     let (contacts, position) = (&mut scratch.contacts, &scratch.position);
     let (walls, linear) = (&scratch.walls, &scratch.linear);
     let found = for_each_share(model, scratch.neighbours.pairs(), |pairs, found| {
-        if !model.meshes.is_empty() {
-            let rows = pairs.chunk_by(|a, b| a.0 == b.0);
-            for row in rows {
-                let i = row[0].0 as usize;
-                let moved = position[i] != state.position[i] + linear[i].displacement;
-                if least > 0 && !moved {
-                    continue;
-                }
-                let row = &row[row.partition_point(|pair| pair.1 < least)..];
-                near_pairs(model, state, walls, position, row, margin, found)?;
-            }
-            let known = |near: &NearPair| contacts.binary_search_by_key(&near.pair, |c| (c.a, c.b));
-            found.retain(|near| known(near).is_err());
-            return Ok(());
+        let places = (state, walls, &position[..], margin);
+        if model.meshes.is_empty() {
+            return unknown(model, places, contacts, pairs, found);
         }
-        // Both lists are sorted by key.
-        let from = match pairs.first() {
-            Some(first) => contacts.partition_point(|c| (c.a, c.b) < *first),
-            None => return Ok(()),
-        };
-        let mut known = contacts[from..].iter().map(|c| (c.a, c.b)).peekable();
-        for &pair in pairs {
-            while known.next_if(|key| *key < pair).is_some() {}
-            if known.next_if_eq(&pair).is_none() {
-                found.extend(near(model, state, walls, position, pair, margin)?);
-            }
-        }
-        Ok(())
+        let moved = |i: usize| position[i] != state.position[i] + linear[i].displacement;
+        unknown_at_meshes(model, places, contacts, pairs, (least, moved), found)
     })?;
     let overlapping = |near: &NearPair| {
         let (i, j) = (near.pair.0 as usize, near.pair.1 as usize);
@@ -445,6 +423,52 @@ fn join_overlapping(
     merge(contacts, &joining, joined)?;
     start_over(model, state, scratch);
     Ok(true)
+}
+
+/// Where bodies are: state, walls, places of centres, and the gap over the radius below which pairs are near.
+type Where<'a> = (&'a State, &'a Walls, &'a [DVec3], f64);
+
+/// Those of some pairs that are near and no contacts yet. Both lists are sorted by key.
+fn unknown(
+    model: &Model,
+    (state, walls, position, margin): Where,
+    contacts: &[Contact],
+    pairs: &[(u32, u32)],
+    found: &mut Vec<NearPair>,
+) -> Result<(), Failure> {
+    let Some(first) = pairs.first() else {
+        return Ok(());
+    };
+    let from = contacts.partition_point(|c| (c.a, c.b) < *first);
+    let mut known = contacts[from..].iter().map(|c| (c.a, c.b)).peekable();
+    for &pair in pairs {
+        while known.next_if(|key| *key < pair).is_some() {}
+        if known.next_if_eq(&pair).is_none() {
+            found.extend(near(model, state, walls, position, pair, margin)?);
+        }
+    }
+    Ok(())
+}
+
+/// The same with meshes, whose triangles a ball has to be compared with together.
+fn unknown_at_meshes(
+    model: &Model,
+    (state, walls, position, margin): Where,
+    contacts: &[Contact],
+    pairs: &[(u32, u32)],
+    (least, moved): (u32, impl Fn(usize) -> bool),
+    found: &mut Vec<NearPair>,
+) -> Result<(), Failure> {
+    for row in pairs.chunk_by(|a, b| a.0 == b.0) {
+        if least > 0 && !moved(row[0].0 as usize) {
+            continue;
+        }
+        let row = &row[row.partition_point(|pair| pair.1 < least)..];
+        near_pairs(model, state, walls, position, row, margin, found)?;
+    }
+    let known = |near: &NearPair| contacts.binary_search_by_key(&near.pair, |c| (c.a, c.b));
+    found.retain(|near| known(near).is_err());
+    Ok(())
 }
 
 /// Two sorted runs become one, from the back: contacts are large, and a copy of those of a large pile would be the most that it needs at once.

@@ -11,7 +11,7 @@ use crate::problem::{Keeper, Solve};
 use crate::report::StepReport;
 use crate::rows::{along, Rows};
 use crate::state::State;
-use crate::stepper::Span;
+use crate::stepper::{Prediction, Span};
 use crate::workspace::{IslandScratch, SolveScratch};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
 use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport, Status};
@@ -192,23 +192,28 @@ fn find(
     report.add_position(&found);
     history[1].keep_longest(&newton.history, 0, island.contacts.len());
     if !found.converged || keeper.wants(found.iterations) {
-        let motion = bodies.iter().flat_map(|&b| {
-            let (lin, ang) = (&linear[b as usize], &angular[b as usize]);
-            let motion = [lin.displacement, ang.displacement];
-            let [d, psi] = clumps.to_node(model, b, motion);
-            [d.x, d.y, d.z, psi.x, psi.y, psi.z]
-        });
-        let motion: Vec<f64> = motion.collect();
+        let motion = motion(model, bodies, clumps, (linear, angular));
         let solution = (&lambda[..], &u[..]);
-        keep(
-            keeper,
-            (newton, system, &mut measures),
-            solution,
-            (bodies, &motion),
-            found,
-        );
+        let solver = (&*newton, system, &mut measures);
+        keep(keeper, solver, solution, (bodies, &motion), found);
     }
     found
+}
+
+/// How some bodies have moved, as the nodes of the solver.
+fn motion(
+    model: &Model,
+    bodies: &[u32],
+    clumps: &Clumps,
+    (linear, angular): (&[Prediction], &[Prediction]),
+) -> Vec<f64> {
+    let motions = bodies.iter().flat_map(|&b| {
+        let (lin, ang) = (&linear[b as usize], &angular[b as usize]);
+        let motion = [lin.displacement, ang.displacement];
+        let [d, psi] = clumps.to_node(model, b, motion);
+        [d.x, d.y, d.z, psi.x, psi.y, psi.z]
+    });
+    motions.collect()
 }
 
 /// Starts from what the loads have moved along normals, which the correction counts from: empty where that is nothing.
