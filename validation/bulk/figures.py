@@ -74,12 +74,17 @@ def _drum(found: Found, both: np.ndarray) -> None:
 
 
 def _slices(found: Found, several: list[Axes]) -> None:
-    """What the plane y = 0 cuts of the grains: when all begins, at the end, and half-way where there is room."""
+    """What the plane y = 0 cuts of the grains: when all begins, at the end (or half-way to empty), and between where there is room."""
     result, case = found.result, found.case
     times = np.asarray(result.time)
     start = int(np.argmin(np.abs(times - SETTLING)))
-    frames = np.linspace(start, len(times) - 1, len(several)).round().astype(int)
-    first = result.position[start]
+    first, end = result.position[start], len(times) - 1
+    if not isinstance(case, Drum):
+        above = np.interp(
+            times, np.asarray(found.ours.time) + SETTLING, found.ours.counts["grains_above_orifice"]
+        )
+        end = max(start, int(np.flatnonzero(above >= 0.5 * above[start])[-1]))
+    frames = np.linspace(start, end, len(several)).round().astype(int)
     radius = np.asarray(result.bodies["radius"])
     if isinstance(case, Drum):
         small = radius < sum(case.diameters) / 4
