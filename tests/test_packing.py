@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import statistics
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -130,6 +131,23 @@ def test_pairs_are_those_of_brute_force(
     near = (delta**2).sum(axis=1) <= (reach[i] + reach[j]) ** 2
     a, b = pairs(x, reach, period)
     np.testing.assert_array_equal(np.stack([a, b]), np.stack([i[near], j[near]]))
+
+
+def test_pairs_of_few_far_reaching_balls_take_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Each of the 20 000 looks at all 200 far-reaching ones: 4 million pairs compared, of which 0.5 million are near.
+    random = np.random.default_rng(4)
+    x = random.uniform(0, 1, (20_000, 3))
+    reach = np.full(len(x), 0.002)
+    reach[:200] = 0.2
+    at_once = pairs(x, reach)
+    monkeypatch.setattr("carom.scene.packing.neighbours._CANDIDATES", 1 << 17)
+    tracemalloc.start()
+    in_shares = pairs(x, reach)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_array_equal(np.stack(at_once), np.stack(in_shares))
+    assert len(in_shares[0]) > 100_000
+    assert most < 60e6, "all at once are 180 MB"
 
 
 # ------------------------------------------------------------------------------------------- packings

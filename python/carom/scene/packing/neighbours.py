@@ -21,6 +21,7 @@ TOUCHING = 1e-6
 
 _SIDE = 1 << 20  # cells along an axis at most: three of them fit one integer
 _AT_ONCE = 1 << 17  # balls whose neighbours are looked for at once: some 100 MB
+_CANDIDATES = 1 << 20  # pairs that are compared at once, where a ball alone has no more: some 100 MB
 _ALL = np.array(
     list(product((-1, 0, 1), repeat=2))
 )  # columns of cells around one, by their steps along x and y
@@ -97,15 +98,16 @@ def _near(position: F64, reach: F64, real: int) -> tuple[I64, I64]:
             hi = np.searchsorted(sorted_keys, wanted + 1, side="right")
             if same:
                 lo[0] = np.arange(first + 1, first + len(queries) + 1)  # each pair of the own column once
-            counts = (hi - lo).ravel()
-            this = np.repeat(np.tile(queries, len(columns)), counts)
-            start = np.repeat(lo.ravel() - (np.cumsum(counts) - counts), counts)
-            other = members[start + np.arange(len(this))]
-            delta = position[this] - position[other]
-            limit = reach[this] + reach[other]
-            near = np.einsum("ij,ij->i", delta, delta) <= limit * limit
-            near &= (this < real) | (other < real)
-            found.append((this[near], other[near]))
+            for some in _shares((hi - lo).sum(axis=0)):
+                counts = (hi[:, some] - lo[:, some]).ravel()
+                this = np.repeat(np.tile(queries[some], len(columns)), counts)
+                start = np.repeat(lo[:, some].ravel() - (np.cumsum(counts) - counts), counts)
+                other = members[start + np.arange(len(this))]
+                delta = position[this] - position[other]
+                limit = reach[this] + reach[other]
+                near = np.einsum("ij,ij->i", delta, delta) <= limit * limit
+                near &= (this < real) | (other < real)
+                found.append((this[near], other[near]))
     return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
 
 
@@ -114,6 +116,16 @@ def _some(members: I64, smaller: I64) -> Iterator[tuple[I64, bool, int]]:
     for queries, same in ((members, True), (smaller, False)):
         for first in range(0, len(queries), _AT_ONCE):
             yield queries[first : first + _AT_ONCE], same, first
+
+
+def _shares(counts: I64) -> Iterator[slice]:
+    """Balls one after the other that have at most `_CANDIDATES` together, or one that has more."""
+    ends, first = np.cumsum(counts), 0
+    while first < len(counts):
+        before = ends[first - 1] if first else 0
+        end = max(first + 1, int(np.searchsorted(ends, before + _CANDIDATES, side="right")))
+        yield slice(first, end)
+        first = end
 
 
 def _closed_up(cell: F64) -> F64:
