@@ -29,6 +29,7 @@ mod parallel;
 mod pile;
 pub mod problem;
 pub mod record;
+mod relist;
 pub mod report;
 pub mod rotation;
 pub mod rows;

@@ -4,7 +4,7 @@
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
 use crate::all_islands;
-use crate::candidates::{list, meet, relist, start_over};
+use crate::candidates::{list, meet};
 use crate::clump;
 use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
@@ -15,6 +15,7 @@ use crate::level::{smooth, Demand, Task};
 use crate::loads_once;
 use crate::model::Model;
 use crate::outcome::{Failure, Level};
+use crate::relist::{relist, start_over};
 use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
