@@ -96,9 +96,6 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         "contacts": one(True, True, True, False),
         "impact": one("sequence", "sequence", "one-shot", "poisson"),
     }
-    if cohesion and options["impact"] == "poisson":
-        # In boxes that rest, too, Poisson's law among balls that stick together is found to gain energy.
-        options["impact"] = "sequence"
     return made, options
 
 

@@ -129,10 +129,12 @@ def test_honest_runs_are_clean(name: str, method: str, tmp_path: Path) -> None:
             assert not report["momentum"].unjudged
 
 
-@pytest.mark.parametrize("seed", range(6))
+# Poisson's law took friction of loads back, which was a gain (10). Beside a heavy lid the position level leaves more of the
+# balance of light balls than their own masses tell (26).
+@pytest.mark.parametrize("seed", [10, 26, *range(6)])
 def test_random_scenes_are_clean(seed: int, tmp_path: Path) -> None:
     scene, options = audit_free.scene(seed)
-    report = audit.check(run(scene, tmp_path / "run", 0.02, **options))
+    report = audit.check(run(scene, tmp_path / "run", 0.025, **options))
     assert report.ok, (options, report.findings)
 
 

@@ -275,13 +275,14 @@ def _loads(
 
 
 def _poisson(island: Island, impact_problem: ProblemSolver, tolerance: F64, result: IslandResult) -> F64:
-    """Loads; then all contacts: compression with the loads anew, and expansion. The impulses of all contacts (m,)."""
+    """Loads; then all contacts: compression on top of them, and expansion. The impulses of all contacts (m,)."""
     loads, _ = _loads(island, impact_problem, tolerance, result)
     if not np.any(island.normal_velocity(island.u_check + island.jump(loads)) < -tolerance):
         return loads
-    everything, nothing = list(range(len(island.elements))), np.zeros(island.layout.rows)
+    everything = list(range(len(island.elements)))
     compressed = island.compressed()
-    impulses, record = impact_problem(island, everything, nothing, loads, None, tolerance, "1")
+    added, record = impact_problem(island, everything, loads, loads, None, tolerance, "1")
+    impulses = loads + added
     result.problems.append(record)
     if np.any(island.expansion(compressed)[0] > 0.0):
         added, record = impact_problem(

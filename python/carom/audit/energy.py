@@ -198,6 +198,9 @@ def _balance(block: Block, tally: Tally) -> None:
     bound = bound + 4.0 * (block.tolerance * (np.sqrt(squares[0]) + np.sqrt(squares[1])))[:, None]
     root = label == np.arange(bodies).reshape(label.shape)
     busy = np.bincount(mine, minlength=bodies).reshape(label.shape) > 0
+    # The position level leaves a floor in the balance of all bodies (in its norm): gravity works on that way, too.
+    floor = norm(run.gravity) * block.floor * np.sqrt(run.bodies)
+    bound = bound + np.where(busy, floor[:, None], 0.0)
     busy[outer] = True
     # What joints, springs and drag do within a step is known to what it may add; what the scheme damps is no fault.
     held = groups.held(block)

@@ -27,7 +27,8 @@ from carom.arrays import F64, I64, Bool
 from carom.audit import answers, bounds, carried, compression, flights, forces, loads_once, turning, works
 from carom.audit.block import Block
 from carom.audit.centres import at_walls
-from carom.audit.cones import opposed, turned
+from carom.audit.cohesion import on_bodies
+from carom.audit.cones import KEPT, opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
 from carom.audit.loads import of_loads, turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -111,8 +112,8 @@ class Replay:
     def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool) -> None:
         self.block, self.r, self.kept = block, r, kept
         self.told: dict[str, list[Told]] = {}
-        #: The first impact problem drops what joints and loads answered to the loads; springs only add to it.
-        self.anew = block.run.impact_law.restitution != "energetic"
+        #: The first impact problem drops what joints and loads answered to the loads; springs and Poisson's law add to it.
+        self.anew = block.run.impact_law.restitution not in ("energetic", "poisson")
         self.work = np.zeros((len(r), 4))
         self.spent = np.zeros(block.count)
         run = block.run
@@ -175,6 +176,8 @@ class Replay:
         self.loads_give = np.full(block.count, float(norm(run.gravity)) * run.h)
         self.loads_give += flights.speeds_of_turning(block).max(axis=1)
         self.loads_give += carried.strained(block) * 2.0 * run.radius.max()
+        pulled, unsure = on_bodies(block)
+        self.loads_give += ((norm(pulled) + unsure) / run.mass).max(axis=1, initial=0.0)
         if run.free_walls:
             walls = slice(run.balls, None)
             self.loads_give += (of_loads(block).spread[:, walls, 0] / run.mass[walls]).max(axis=1)
@@ -413,6 +416,11 @@ class Replay:
         )
         short = own[0] * np.maximum(np.nan_to_num(given) - push, 0.0)
         value = np.where(scaled, value, np.maximum(value, short))
+        if run.loads_once and r.problem[0] == 0:
+            # Loads are not solved again where their normals turned by next to nothing since.
+            fast = [norm(of[:, :3]) + run.radius[r.a] * norm(of[:, 3:]) for of in now]
+            fast[1] = np.where(r.b < run.bodies, fast[1], 0.0)
+            noise = noise + 2.0 * KEPT * run.loosest["closing_tolerance_speed"] * (fast[0] + fast[1])
         left_speed = 2.0 * own[0] * left + noise
         self._tell(
             "impact", every, value, left_speed + own[0] * spread + run.rebound(index, -towards, left_speed)
@@ -523,10 +531,8 @@ class Replay:
             # Who has given up restitution is not asked whether the loads alone had left less.
             given_up = np.zeros(len(motion), dtype=bool)
             ends = self.at[0], np.where(self.r.b < run.bodies, self.at[1], self.at[0])
-            # By Poisson's law it is the expansion after it that is given up.
-            of_scale = slice(None) if run.impact_law.restitution == "poisson" else rows
             for of in ends:
-                given_up[of[of_scale][self.r.scale[of_scale] == 0.0]] = True
+                given_up[of[rows][r.scale == 0.0]] = True
             for clump in run.clumps:
                 whole = given_up.reshape(count, -1)
                 whole[:, clump.balls] = whole[:, clump.balls].any(axis=1, keepdims=True)
@@ -537,7 +543,6 @@ class Replay:
             )
             # Friction on clumps may take less in an impact than the loads would: restitution alone is held to these.
             restores = run.restitution(self.law[rows], np.maximum(-before.normal, 0.0)) > 0.0
-            restores &= run.impact_law.restitution != "poisson"
             of_clumps = np.append(run.in_clump, False)
             clumped = of_clumps[r.a] | of_clumps[np.minimum(r.b, run.bodies)]
             loose = (np.bincount(r.k, clumped, minlength=count) > 0) & (

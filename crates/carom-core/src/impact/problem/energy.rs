@@ -133,8 +133,11 @@ impl ImpactScratch {
             .map(|(position, (slot, c))| {
                 let full = &self.full.contacts[slot];
                 let row = |r: usize| full.row as usize + r;
+                // Of the loads, what is solved anew: an impact may leave them as they are.
+                let kept = |row: usize| self.load.get(row).copied().unwrap_or(0.0);
+                let loads = |row: usize| self.offset_impulse[row] - kept(row);
                 let had = |r: usize| match anew {
-                    true => self.offset_impulse[row(r)] - self.impulse[row(r)],
+                    true => loads(row(r)) - self.impulse[row(r)],
                     false => 0.0,
                 };
                 let pressed = |lambda: &[f64]| lambda[c.row as usize] > 0.0;
@@ -165,14 +168,14 @@ impl ImpactScratch {
                     };
                     // The loads that are solved anew acted along the mean of the normals; impulses of earlier problems (compression) did not.
                     let at = full.row as usize + r;
-                    let [earlier, loads] = match anew {
-                        true => [self.impulse[at], self.offset_impulse[at]],
+                    let [earlier, dropped] = match anew {
+                        true => [self.impulse[at], loads(at)],
                         false => [0.0; 2],
                     };
                     work.add(before, solved.map(|l| l + earlier), change);
                     let turned = |v: &[f64]| full.along(middle, v) - measure(v);
                     let along = [0, 1].map(|k| change[k] + turned(&changes[k]));
-                    work.add(before + turned(&velocity), [-loads; 2], along);
+                    work.add(before + turned(&velocity), [-dropped; 2], along);
                 }
                 work
             })
