@@ -232,7 +232,7 @@ pub struct ImpactRecord {
     pub impulse: DVec3,
     pub moment: DVec3,
     /// Normal relative velocity before and after the problem, m/s.
-    pub approach: f64,
+    pub normal_before: f64,
     pub separation: f64,
     pub restitution_scale: f64,
     /// Kept on demand, by laws through springs.

@@ -99,8 +99,8 @@ fn met_wall(
     let start = walls.meet_at_start(model, a, b, x);
     let end = walls.meet(model, a, b, x + d);
     if model.wall(b).is_steady_plane() {
-        let approach = start.gap - end.gap;
-        return (approach >= r && end.gap < 0.0).then_some((approach, r));
+        let closes_by = start.gap - end.gap;
+        return (closes_by >= r && end.gap < 0.0).then_some((closes_by, r));
     }
     // Against the wall where it was: what it moves by, the sphere moves back.
     let d = d - walls.shift(model, b, x);
@@ -124,9 +124,9 @@ fn met_wall(
         }
         last = p.normal;
     }
-    let approach = -first?.dot(d);
-    if approach >= r {
-        return Some((approach, r));
+    let closes_by = -first?.dot(d);
+    if closes_by >= r {
+        return Some((closes_by, r));
     }
     // Past the middle of what is thin: out again, or where the normal drives it on.
     let passed = start.normal.dot(d) < 0.0 && last.dot(d) > 0.0 && deepest > GRAZE * r;

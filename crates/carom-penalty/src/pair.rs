@@ -196,7 +196,7 @@ impl Pair {
             normal: self.normal,
             impulse: self.touch.impulse + self.now.impulse,
             moment: self.touch.moment + self.now.moment,
-            approach: -self.touch.approach,
+            normal_before: -self.touch.approach,
             separation: -self.closing_speed(bodies),
             restitution_scale: 1.0,
             course: None,

@@ -142,7 +142,7 @@ fn put_impacts(out: &Bound<'_, PyDict>, model: &Model, records: &[TimedImpact]) 
     table.rows("normal", |r| r.impact.normal.to_array())?;
     table.rows("impulse", |r| r.impact.impulse.to_array())?;
     table.rows("moment", |r| r.impact.moment.to_array())?;
-    table.column("approach", |r| r.impact.approach)?;
+    table.column("approach", |r| r.impact.normal_before)?;
     table.column("separation", |r| r.impact.separation)?;
     table.column("restitution_scale", |r| r.impact.restitution_scale)
 }

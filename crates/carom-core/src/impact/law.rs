@@ -54,23 +54,23 @@ impl Law {
         matches!(self, Law::First | Law::Expansion | Law::Springs)
     }
 
-    /// Of a contact that approaches by `approach` (m/s, negative: it closes): what is added to the normal
+    /// Of a contact with normal velocity `minus_n` of `V_minus` (m/s, negative: it closes): what is added to the normal
     /// measure, and the factor of the slip of `V_minus` that is added to the tangential ones. Closing counts from `tol` on.
     #[inline]
-    pub fn terms(self, material: &ContactLaw, approach: f64, o: &Options, tol: f64) -> [f64; 2] {
+    pub fn terms(self, material: &ContactLaw, minus_n: f64, o: &Options, tol: f64) -> [f64; 2] {
         let (e_n, e_t) = (
-            || material.restitution(-approach),
+            || material.restitution(-minus_n),
             material.tangential_restitution,
         );
         match self {
             Law::Plastic | Law::Compression | Law::Expansion | Law::Springs => [0.0; 2],
-            Law::Printed => [e_n() * approach, e_t],
+            Law::Printed => [e_n() * minus_n, e_t],
             Law::First | Law::Later => {
-                let slow = -approach < o.restitution_threshold;
+                let slow = -minus_n < o.restitution_threshold;
                 let e_n = if slow { 0.0 } else { e_n() };
-                let restores = approach < -tol && o.impact.restores_slip();
+                let restores = minus_n < -tol && o.impact.restores_slip();
                 let e_t = if restores { e_t } else { 0.0 };
-                [e_n * approach.min(0.0), e_t]
+                [e_n * minus_n.min(0.0), e_t]
             }
         }
     }

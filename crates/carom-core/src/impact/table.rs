@@ -90,7 +90,7 @@ impl ImpactTable {
                 normal,
                 impulse: row.given[0],
                 moment: row.given[1],
-                approach: row.speed[0],
+                normal_before: row.speed[0],
                 separation: row.speed[1],
                 restitution_scale: row.scale,
                 course: match row.problem {

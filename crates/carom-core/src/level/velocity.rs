@@ -73,7 +73,7 @@ fn solve_single<const MOVING: bool>(
     }
     let resting = match options.loads_once() {
         true => c.resting,
-        false => options.impact.has_loads_first() && lone.approach >= -tol,
+        false => options.impact.has_loads_first() && lone.minus_n >= -tol,
     };
     let law = match (resting, options.impact.is_printed()) {
         (true, _) => Law::Plastic,
@@ -97,7 +97,7 @@ fn solve_single<const MOVING: bool>(
     let packed = single::pack(c, &s);
     let status = if s.slip { Status::Slip } else { Status::Stick };
     let motion = lone.motion;
-    if !resting && (options.loads_once() || lone.approach < -tol) {
+    if !resting && (options.loads_once() || lone.minus_n < -tol) {
         let world = c.to_world(c.n1, &packed);
         scratch.impacts.push(ImpactRecord {
             problem: 1,
@@ -107,7 +107,7 @@ fn solve_single<const MOVING: bool>(
             normal: c.n1,
             impulse: world.impulse,
             moment: world.moment,
-            approach: check,
+            normal_before: check,
             separation: c.n1.dot(motion[0] + jump[0]) - lone.wall.normal,
             restitution_scale: scale,
             course: None,
@@ -143,7 +143,7 @@ struct Lone<'a, const MOVING: bool> {
     wall: ContactMeasures,
     check: ContactMeasures,
     /// The measures of t_n on which restitution acts.
-    approach: f64,
+    minus_n: f64,
     slip: [f64; 2],
     tol: f64,
 }
@@ -184,7 +184,7 @@ impl<'a, const MOVING: bool> Lone<'a, MOVING> {
             motion,
             wall,
             check: against::<MOVING>(measured, &wall),
-            approach: c.n0.dot(state.velocity[i]) - wall_old.normal,
+            minus_n: c.n0.dot(state.velocity[i]) - wall_old.normal,
             slip,
             tol: speeds.closing_tolerance(&model.options, 1, load),
         };
@@ -196,7 +196,7 @@ impl<'a, const MOVING: bool> Lone<'a, MOVING> {
     fn measures(&self, law: Law) -> ContactMeasures {
         let (mut z, material) = (self.check, self.c.law(self.model));
         let o = &self.model.options;
-        let [along, across] = law.terms(material, self.approach, o, self.tol);
+        let [along, across] = law.terms(material, self.minus_n, o, self.tol);
         z.normal += along;
         z.slip[0] += across * self.slip[0];
         z.slip[1] += across * self.slip[1];

@@ -36,7 +36,7 @@ pub(super) struct ClosedContact {
     pub work: [f64; 2],
     /// First impact problem in which it closed, 0: none; normal velocity before; impulse of impacts; least restitution scale.
     pub problem: u32,
-    pub approach: f64,
+    pub normal_before: f64,
     pub hit: DVec3,
     pub scale: f64,
     /// Work that the residuals of its problems explain, J.
@@ -140,7 +140,7 @@ impl ClosedContact {
             if given.speed[0] >= -self.closing && !with_loads {
                 return false;
             }
-            (self.problem, self.approach) = (problem, given.speed[0]);
+            (self.problem, self.normal_before) = (problem, given.speed[0]);
         }
         self.hit += given.impulse;
         self.scale = self.scale.min(given.scale);

@@ -66,7 +66,7 @@ impl Pile {
         let memory = &mut self.velocity;
         for m in &mut memory.closed {
             (m.impulse, m.hit, m.work) = (DVec3::ZERO, DVec3::ZERO, [0.0; 2]);
-            (m.problem, m.approach, m.scale, m.explained) = (0, 0.0, 1.0, 0.0);
+            (m.problem, m.normal_before, m.scale, m.explained) = (0, 0.0, 1.0, 0.0);
             m.dropped = true;
         }
         for t in &mut memory.turning {

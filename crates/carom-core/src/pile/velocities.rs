@@ -134,14 +134,14 @@ impl Velocities {
         z: DVec3,
         minus: DVec3,
     ) -> DVec3 {
-        let approach = minus.dot(normal);
+        let minus_n = minus.dot(normal);
         let [along, across] =
-            Law::Later.terms(&model.laws[law as usize], approach, &model.options, closing);
+            Law::Later.terms(&model.laws[law as usize], minus_n, &model.options, closing);
         let z = z + along * normal;
         if across == 0.0 {
             return z;
         }
-        z + across * (minus - approach * normal)
+        z + across * (minus - minus_n * normal)
     }
 
     /// What the impulse `r` of a problem that changes the velocities by `u` does at a contact.

@@ -65,7 +65,7 @@ fn every_problem_has_its_rows_and_the_motion_keeps_its_bits() {
         for (pair, sums) in &summed {
             let (own, told) = (&every[pair], &sums[0].impact);
             let same = |row: &&TimedImpact| {
-                row.impact.approach.to_bits() == told.approach.to_bits()
+                row.impact.normal_before.to_bits() == told.normal_before.to_bits()
                     && row.impact.problem == told.problem
             };
             let first = own

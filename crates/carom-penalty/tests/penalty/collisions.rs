@@ -60,7 +60,7 @@ fn every_law_has_its_restitution() {
             let impact = &s.take_block().impacts;
             assert_eq!(impact.len(), 1);
             let impact = impact[0].impact.clone();
-            close(impact.approach, -1.0, 1e-12);
+            close(impact.normal_before, -1.0, 1e-12);
             close(impact.separation, found, 1e-12);
             close(impact.impulse.x, -0.5 * MASS * (1.0 + found), 1e-12 * MASS);
             // The table has three digits, and what the law says has all.

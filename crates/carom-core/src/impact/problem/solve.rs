@@ -235,7 +235,7 @@ impl ImpactScratch {
                 ..c
             });
             let material = contact.law(model);
-            let approach = match law {
+            let minus_n = match law {
                 Law::Plastic => continue,
                 Law::Compression => {
                     let measures = rows.map(|r| self.relative::<0>(&c, r, &self.velocity));
@@ -250,13 +250,12 @@ impl ImpactScratch {
                     }
                     continue;
                 }
-                Law::Printed => self.printed_approach(slot, contact.n0),
+                Law::Printed => self.printed_minus_n(slot, contact.n0),
                 Law::First | Law::Later | Law::Springs => {
                     self.relative::<0>(&c, c.row as usize, &self.v_minus)
                 }
             };
-            let [normal, across] =
-                law.terms(material, approach, &model.options, self.closing[slot]);
+            let [normal, across] = law.terms(material, minus_n, &model.options, self.closing[slot]);
             sub.z0[row] += normal;
             if across != 0.0 && contact.bounds.sliding > 0.0 {
                 for r in 1..3 {
@@ -294,7 +293,7 @@ impl ImpactScratch {
     }
 
     /// `G_N(n) V_minus`: the normal of t_n, as eqs. 16, 24 and 43 print it.
-    fn printed_approach(&self, slot: usize, n: DVec3) -> f64 {
+    fn printed_minus_n(&self, slot: usize, n: DVec3) -> f64 {
         let c = &self.full.contacts[slot];
         let row = [n.x, n.y, n.z, 0.0, 0.0, 0.0];
         let part = |node: u32| {

@@ -161,15 +161,15 @@ impl ImpactScratch {
                 contact.to_world(contact.n1, &packed)
             };
             let full = &self.full.contacts[slot];
-            let approach = self.relative::<1>(full, full.row as usize, &self.velocity);
+            let normal_before = self.relative::<1>(full, full.row as usize, &self.velocity);
             table.push(|| ImpactRow {
                 slot: slot as u32,
                 problem,
                 status: self.status[slot],
                 given: [world.impulse, world.moment],
                 speed: [
-                    approach,
-                    approach + self.full.row_velocity(full, full.row as usize, &self.u),
+                    normal_before,
+                    normal_before + self.full.row_velocity(full, full.row as usize, &self.u),
                 ],
                 scale: self.scale[position],
             });

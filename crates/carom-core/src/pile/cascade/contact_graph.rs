@@ -66,7 +66,7 @@ struct NodeContact {
 struct Tally {
     impulse: DVec3,
     work: [f64; 2],
-    approach: f64,
+    normal_before: f64,
     scale: f64,
     /// The first problem, 0: none.
     problem: u32,
@@ -251,7 +251,7 @@ impl ContactGraph {
         }
         let t = &mut self.tallies[slot as usize];
         if t.problem == 0 {
-            (t.problem, t.approach, t.scale) = (problem, given.speed[0], given.scale);
+            (t.problem, t.normal_before, t.scale) = (problem, given.speed[0], given.scale);
         }
         t.impulse += given.impulse;
         t.work[0] += given.work[0];
@@ -274,7 +274,7 @@ impl ContactGraph {
                 if let Some(base) = self.base.get(slot) {
                     *m = *base;
                 }
-                m.join(t.impulse, t.work, (t.problem, t.approach), t.scale);
+                m.join(t.impulse, t.work, (t.problem, t.normal_before), t.scale);
             }
         }
         for (i, sphere) in self.spheres.iter().enumerate() {
@@ -339,7 +339,7 @@ impl ClosedContact {
         self.work[0] += work[0];
         self.work[1] += work[1];
         if self.problem == 0 {
-            (self.problem, self.approach) = first;
+            (self.problem, self.normal_before) = first;
         }
         self.hit += impulse;
         self.scale = self.scale.min(scale);
