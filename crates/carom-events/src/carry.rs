@@ -23,6 +23,7 @@ impl Run<'_> {
             if rises != 0.0 {
                 let impulse = -self.model.mass[i] * rises;
                 self.events.sums.add_rest(i, &support, impulse);
+                self.give_wall(i, &support, impulse * support.normal);
             }
             Motion::supported(self.model, i, support, now, x, [v, w])
         });
@@ -31,6 +32,18 @@ impl Run<'_> {
         motion.follow(&mut self.events.curves[i], self.model.radius[i], goes_on);
         motion.ends = motion.start + motion.holds;
         self.events.motions[i] = motion;
+    }
+
+    /// What ball `i` got from its surface at one moment is taken from that.
+    fn give_wall(&mut self, i: usize, support: &Support, impulse: DVec3) {
+        if self.model.record_walls {
+            let wall = support.wall as usize - self.model.bodies();
+            let place = self.model.walls[wall].shape.place();
+            let lever = self.state.position[i] - self.model.radius[i] * support.normal - place;
+            let out = &mut self.scratch.wall_impulse[wall];
+            out[0] -= impulse;
+            out[1] -= lever.cross(impulse);
+        }
     }
 
     /// The level surface that carries ball `i` in its present state, and the gap (m) to it.

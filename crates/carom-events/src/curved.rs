@@ -23,6 +23,8 @@ use std::collections::VecDeque;
 /// an impact ends the slide.
 const AHEAD: usize = 3;
 const SHORT: f64 = 0.2;
+/// Parts (1) known ahead at most.
+const MOST_PARTS: usize = 64;
 /// Time of its own (1) of a part of a rotation: sizes change little in it.
 const EVEN: f64 = 1.2;
 
@@ -78,13 +80,15 @@ impl Curve {
         ]);
     }
 
-    /// Knows some parts ahead, while the slip is above a size. Returns for how long, s, and a rate (1/s) faster than which the slip does not turn from now on.
-    pub fn look_ahead(&mut self, last: f64) -> (f64, f64) {
+    /// Knows some parts ahead, while slip and turning are above a size each. Returns for how long, s, and a rate (1/s) faster than which the slip does not turn from now on.
+    pub fn look_ahead(&mut self, last: [f64; 2]) -> (f64, f64) {
         let Rates { a, b, c } = self.rates;
         let mut time: f64 = self.parts.iter().map(|p| p.dt).sum();
         let is_short = |time: f64, slip: f64| slip < SHORT * time * (a + c);
+        let goes_on = |at: &Values| at[4] > last[0] && at[5] > last[1];
         while self.parts.is_empty()
-            || slip(&self.next) > last
+            || goes_on(&self.next)
+                && self.parts.len() < MOST_PARTS
                 && (self.parts.len() < AHEAD || is_short(time, slip(&self.next)))
         {
             let part = Part::new(self.next, self.speed, self.rates);
@@ -106,7 +110,13 @@ impl Curve {
         let ends = begins.chain([self.next]);
         let (mut rate, mut least, mut begin) = (0.0, slip(&first), 0.0);
         for (part, end) in self.parts.iter().zip(ends) {
-            least = f64::min(least, slip(&end));
+            // Resistance that is more than friction turns a falling slip into a rising one, within a part too.
+            let within = if b > a + c {
+                (part.begin - part.end).exp()
+            } else {
+                1.0
+            };
+            least = f64::min(least * within, slip(&end));
             let turned = along(&first).angle_to(along(&end)).abs();
             rate = f64::max(rate, (turned / begin).min(b * across / least));
             begin += part.dt;
@@ -149,12 +159,11 @@ impl Curve {
                 };
                 let unit = 1.0 / (self.rates.a + self.rates.b + self.rates.c);
                 let own = end - part.begin;
-                let angle = d[TIME] * w(&first).length().max(w(&last).length());
+                let rate = |at: &Values| unit * at[4] * at[5] / (at[4] + at[5]) * w(at);
+                let angle = own * rate(&first).length().max(rate(&last).length());
                 let parts = parts_of(angle).max((own / EVEN).ceil());
                 **orientation = turned(**orientation, own, parts, |t| {
-                    let at = part.at(part.begin + t);
-                    let [s, p] = [at[4], at[5]];
-                    unit * s * p / (s + p) * w(&at)
+                    rate(&part.at(part.begin + t))
                 });
             }
             found.turning = turning(&last);
@@ -216,8 +225,8 @@ mod tests {
             let (mut whole, mut pieces) = (Curve::default(), Curve::default());
             whole.begin(v, q, DVec3::Z, rates);
             pieces.begin(v, q, DVec3::Z, rates);
-            let (time, rate) = whole.look_ahead(last);
-            pieces.look_ahead(last);
+            let (time, rate) = whole.look_ahead([last, 0.0]);
+            pieces.look_ahead([last, 0.0]);
             let all = whole.slides(time, 1.0, None);
             let energy = |v: DVec3, q: DVec3| 0.5 * (v.length_squared() + kappa * q.length_squared());
             let works = rates.a * all.slipped + kappa * rates.b * all.turned;
@@ -233,7 +242,7 @@ mod tests {
                 prop_assert!(off.length() <= bound + rounding, "{off} {bound}");
                 let next = pieces.slides(t - done, 1.0, None);
                 pieces.pass(t - done);
-                pieces.look_ahead(last);
+                pieces.look_ahead([last, 0.0]);
                 (done, way, change) = (t, way + next.way, change + next.change);
             }
             prop_assert!((way - all.way).length() <= 1e-13 * v.length() * time, "{way} {}", all.way);

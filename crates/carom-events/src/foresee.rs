@@ -16,8 +16,8 @@ const ROUNDING: f64 = 1e-11;
 /// Flight (s) between two contacts of the same bodies that is none: what bounces ever faster has come to rest then.
 pub const FLIGHT: f64 = 1e-9;
 
-/// How far a ball may be off its course where it meets something, over its radius (1): rounding of places.
-const OFF: f64 = 1e-15;
+/// How far a ball may be off its course where it meets something, over its radius (1): the rounding of places some metres from the origin.
+const OFF: f64 = 3e-14;
 
 /// What all predictions of a step are made with.
 pub struct Foresight<'a> {
@@ -65,7 +65,7 @@ impl Foresight<'_> {
         for (w, wall) in self.model.walls.iter().enumerate() {
             let bodies = (i as u32, (n + w) as u32);
             let (met, what) = if m.support.is_some_and(|s| s.wall == bodies.1) {
-                let time = leaves(&wall.shape, &course, &off, left);
+                let time = leaves(&wall.shape, &course, &off, left, &nothing);
                 (known(time, &off, &nothing), What::Edge)
             } else if wall.shape.clearance(reach.middle, r) > reach.radius {
                 continue;
@@ -84,7 +84,7 @@ impl Foresight<'_> {
         let boxes = self.model.flow.outlets.iter();
         let first = boxes
             .filter(|o| !is_far(o, &reach))
-            .filter_map(|o| passes(o, &course, &off, left))
+            .filter_map(|o| passes(o, &course, &off, left, &nothing))
             .reduce(f64::min);
         let met = known(first, &off, &nothing);
         self.push(met, (i as u32, i as u32), What::Leave, queue);
@@ -136,8 +136,16 @@ fn known(time: Option<f64>, off: &Off, nothing: &Nothing) -> Meeting {
     }
 }
 
+/// When a ball passes a border of which `f` is the distance; now, where it stands on it and goes on.
+fn passed<const N: usize>(f: [f64; N], left: f64, nothing: &Nothing) -> Option<f64> {
+    match f[0].abs() <= nothing.off && f[1] < -nothing.speed {
+        true => Some(0.0),
+        false => falls(f, left).next(),
+    }
+}
+
 /// When a ball may roll or slide off the face of the wall that carries it.
-fn leaves(shape: &Shape, course: &Course, off: &Off, left: f64) -> Option<f64> {
+fn leaves(shape: &Shape, course: &Course, off: &Off, left: f64, nothing: &Nothing) -> Option<f64> {
     let mut from = *course;
     from[0] -= shape.place();
     match shape {
@@ -150,21 +158,21 @@ fn leaves(shape: &Shape, course: &Course, off: &Off, left: f64) -> Option<f64> {
             let falls = sides.filter_map(|(direction, half)| {
                 let mut f = along(&from, -direction, off);
                 f[0] += half;
-                falls(f, left).next()
+                passed(f, left, nothing)
             });
             falls.reduce(f64::min)
         }
         Shape::Disc(wall) => {
             let flat = from.map(|d| d - wall.normal * wall.normal.dot(d));
             let outer = meet::distance_gap(&flat, wall.radius, -1.0, off).map(|c| -c);
-            let leaves = falls(outer, left).next();
+            let leaves = passed(outer, left, nothing);
             if wall.hole == 0.0 {
                 return leaves;
             }
             let inner = meet::distance_gap(&flat, wall.hole, 1.0, off);
             leaves
                 .into_iter()
-                .chain(falls(inner, left).next())
+                .chain(passed(inner, left, nothing))
                 .reduce(f64::min)
         }
         _ => None,
@@ -182,7 +190,13 @@ fn is_far(outlet: &Outlet, reach: &Reach) -> bool {
 }
 
 /// When a centre may enter the box of an outlet, or leave that which it has to stay in.
-fn passes(outlet: &Outlet, course: &Course, off: &Off, left: f64) -> Option<f64> {
+fn passes(
+    outlet: &Outlet,
+    course: &Course,
+    off: &Off,
+    left: f64,
+    nothing: &Nothing,
+) -> Option<f64> {
     let inwards = if outlet.inside { 1.0 } else { -1.0 };
     // How far it is from passing each side, on the other side below 0.
     let side = |out: DVec3, at: DVec3| {
@@ -194,6 +208,13 @@ fn passes(outlet: &Outlet, course: &Course, off: &Off, left: f64) -> Option<f64>
         0 => side(-DVec3::AXES[k / 2], outlet.low),
         _ => side(DVec3::AXES[k / 2], outlet.high),
     });
+    // It may stand there already, or on the border.
+    let mut out = sides
+        .iter()
+        .map(|f| f[0] <= nothing.off && (f[1] < 0.0 || f[0] < -nothing.off));
+    if outlet.inside && out.all(|is_out| is_out) || !outlet.inside && out.any(|is_out| is_out) {
+        return Some(0.0);
+    }
     let passed = sides.iter().enumerate().filter_map(|(k, f)| {
         // In through one, where it is within all others; out through any.
         let within = |t: &f64| {

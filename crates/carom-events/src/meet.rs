@@ -79,7 +79,7 @@ impl Meeting {
 }
 
 /// A gap that is closed now (within what counts as nothing) without its roots at 0, if it opens; else what becomes of it.
-fn opened<const N: usize>(f: [f64; N], nothing: &Nothing) -> Result<[f64; N], Meeting> {
+fn opened<const N: usize>(f: [f64; N], off: &Off, nothing: &Nothing) -> Result<[f64; N], Meeting> {
     if f[1] < -nothing.speed {
         return Err(Meeting::At(0.0));
     }
@@ -91,11 +91,14 @@ fn opened<const N: usize>(f: [f64; N], nothing: &Nothing) -> Result<[f64; N], Me
     if f[0] < -nothing.acceleration {
         return Err(Meeting::Pressed);
     }
-    Ok(if f[0] > nothing.acceleration {
-        f
-    } else {
-        deflated(f)
-    })
+    if f[0] > nothing.acceleration {
+        return Ok(f);
+    }
+    match off[3] > 0.0 {
+        // What a course does then is within its bound: until that is a gap.
+        true => Err(Meeting::Closer((nothing.gap / off[3]).cbrt())),
+        false => Ok(deflated(f)),
+    }
 }
 
 /// The first time in `end` seconds at which a gap closes where it is one. `touches`: it is closed now. A course without a bound has the first `M` terms.
@@ -122,17 +125,20 @@ fn first_close<const N: usize>(
     nothing: &Nothing,
     is_there: impl Fn(f64) -> bool,
 ) -> Meeting {
+    // A look closer may end within a gap that counts as none: then the root is there, ahead.
+    let touches = touches && !(off[3] > 0.0 && f[0] > 0.0 && f[1] < -nothing.speed);
     let rest = match touches {
         true if off[0] > nothing.off => return Meeting::Closer(0.0),
-        true => match opened(f, nothing) {
+        true => match opened(f, off, nothing) {
             Ok(rest) => rest,
+            Err(Meeting::Closer(t)) if t > end => return Meeting::Never,
             Err(meeting) => return meeting,
         },
         false => f,
     };
     match falls(rest, end).find(|&t| is_there(t)) {
-        Some(t) if touches && t <= nothing.flight => Meeting::Pressed,
         Some(t) if value(off, t) > nothing.off => Meeting::Closer(t),
+        Some(t) if touches && t <= nothing.flight => Meeting::Pressed,
         Some(t) => Meeting::At(t),
         None => Meeting::Never,
     }

@@ -78,9 +78,9 @@ pub struct Motion {
     pub start: f64,
     pub x: [DVec3; 3],
     pub w: [DVec3; 2],
-    /// A slide that turns, with the slip below which it does no more, m/s. It is off its position by `drift t^3` at most (m/s^3), and of its angular
+    /// A slide that turns, with slip and turning below which it does no more, m/s. It is off its position by `drift t^3` at most (m/s^3), and of its angular
     /// velocity `w[1]` has the spin alone.
-    pub turns: Option<(Rates, f64)>,
+    pub turns: Option<(Rates, [f64; 2])>,
     pub drift: f64,
     /// Bound of the acceleration of the centre, m/s^2.
     pub most: f64,
@@ -212,23 +212,24 @@ impl Motion {
         let slip = v + q;
         let size = slip.length();
         let along = slip / size;
-        // Resistance against turning, over `b`. Turning so slow is over before a time is: what grows from it lies in the line of the slip.
-        let turns = q.length() > (ROUNDING * size).max(LAST_TIME * (b + c));
-        let (against, b) = match turns {
-            true => (q.normalize(), b),
-            false => (-along, b.min(c)),
+        // Turning so slow is over before a time is: what grows from it lies in the line of the slip.
+        let least = (ROUNDING * size).max(LAST_TIME * (b + c));
+        let (turns, opposes) = (q.length() > least, q.dot(along));
+        let in_line = q.cross(along).length() <= IN_LINE * (q.length() + size);
+        // Direction of the resistance, and its size. In line it has that of the slip, whose direction is known better.
+        let (against, b) = match (turns, in_line) {
+            (true, false) => (q.normalize(), b),
+            (true, true) => (along * opposes.signum(), b),
+            (false, _) => (-along, b.min(c)),
         };
         if turns && b > 0.0 {
-            let off = q.cross(along).length();
             let last = (LAST_SLIP * speed).max(LAST_TIME * (a + b + c));
-            let in_line = off <= IN_LINE * (q.length() + size);
-            if !in_line && size > last {
-                self.turns = Some((rates, last));
-            } else if in_line {
-                let rate = c + b.copysign(q.dot(along));
-                if q.dot(along) / rate > 0.0 {
-                    self.until(q.dot(along) / rate, End::Turning);
-                }
+            let rate = c + b.copysign(opposes);
+            // Resistance that is more than friction turns the slip until both are in line.
+            if !in_line && (size > last || b >= a + c) {
+                self.turns = Some((rates, [last, least]));
+            } else if in_line && opposes / rate > 0.0 {
+                self.until(opposes / rate, End::Turning);
             }
         }
         self.most = a;

@@ -4,6 +4,8 @@
 const TERMS: usize = 20;
 /// Size of what is left out of a velocity at the end of a part, over the speeds of the ball (1). Larger: not exact; smaller: more parts.
 const LAST: f64 = 5e-15;
+/// The same over each size itself, and of angles (1): beyond, a series of a small one means nothing. Larger: turning that passes through nothing is wrong.
+const LAST_OWN: f64 = 1e-7;
 /// Steps of Newton's method for the moment of a time: it takes about four.
 const MOST_STEPS: usize = 64;
 
@@ -134,8 +136,19 @@ impl Part {
                 by * d[10],
                 by * d[11],
             ];
-            let size = sizes.into_iter().map(f64::abs).fold(0.0, f64::max);
-            (LAST * speed / size).powf(1.0 / k as f64)
+            let share = (s / (s + p)).min(p / (s + p));
+            let own = [
+                d[1] / share,
+                d[2],
+                d[3] / first[3],
+                d[4] / s,
+                d[5] / p,
+                d[6],
+                d[7],
+            ];
+            let most = |sizes: &[f64]| sizes.iter().fold(0.0, |most, d| f64::max(most, d.abs()));
+            let within = (LAST * speed / most(&sizes)).min(LAST_OWN / most(&own));
+            within.powf(1.0 / k as f64)
         };
         let end = holds(TERMS - 1).min(holds(TERMS - 2)).min(holds(TERMS - 3));
         let mut part = Part {
