@@ -22,7 +22,9 @@ def table(bed: dict[str, Any], rolling: float, until: float, step: float) -> car
     return scene
 
 
-def ball(scene: carom.Scene, name: str, place: Sequence[float] | np.ndarray, v: np.ndarray, q: np.ndarray) -> None:
+def ball(
+    scene: carom.Scene, name: str, place: Sequence[float] | np.ndarray, v: np.ndarray, q: np.ndarray
+) -> None:
     """A ball on the bed with a velocity, and the part `q` of its slip that turning makes, m/s."""
     x, y = place
     scene.sphere(
