@@ -175,15 +175,16 @@ impl Curve {
         found
     }
 
-    /// Forgets the first `dt` seconds of what is known.
-    pub fn pass(&mut self, mut dt: f64) {
-        let whole = self.parts.iter().take_while(|part| {
-            let passes = part.dt <= dt;
-            dt -= if passes { part.dt } else { 0.0 };
-            passes
-        });
-        let whole = whole.count();
-        self.parts.drain(..whole);
+    /// Forgets the first `dt` seconds of what is known, and what of a part is then left that is no more than the rounding of times (s).
+    pub fn pass(&mut self, mut dt: f64, rounding: f64) {
+        while self
+            .parts
+            .front()
+            .is_some_and(|part| part.dt <= dt + rounding)
+        {
+            dt = (dt - self.parts[0].dt).max(0.0);
+            self.parts.pop_front();
+        }
         if let Some(part) = self.parts.front_mut() {
             part.begin = part.moment(dt);
             part.dt -= dt;
@@ -241,7 +242,7 @@ mod tests {
                 let rounding = 1e-14 * speed * (t + speed / rates.c);
                 prop_assert!(off.length() <= bound + rounding, "{off} {bound}");
                 let next = pieces.slides(t - done, 1.0, None);
-                pieces.pass(t - done);
+                pieces.pass(t - done, 0.0);
                 pieces.look_ahead([last, 0.0]);
                 (done, way, change) = (t, way + next.way, change + next.change);
             }

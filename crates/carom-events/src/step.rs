@@ -214,7 +214,7 @@ impl Run<'_> {
         let motion = &self.events.motions[i];
         let (on, turned) = (motion.support, motion.turns.is_some());
         if turned {
-            self.events.curves[i].pass(t - motion.start);
+            self.events.curves[i].pass(t - motion.start, f64::EPSILON * t);
         }
         self.events.queue.forget(i);
         self.set_off(i, t, on.map(|support| (support, 0.0)), turned);
