@@ -7,7 +7,6 @@ origin; the cone widens upwards to the tube of radius `tube`, whose lower end is
 from __future__ import annotations
 
 import json
-import resource
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _memory import peak_memory
 from scale_overlap import F64, near_pairs
 
 #: Shares of the grains above the opening between which the rate is measured: not at its start, and not of the last grains.
@@ -108,7 +108,7 @@ def run(
         "time": times[-1],
         "phases": [wall],
         "cpu": cpu,
-        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "memory": peak_memory(),
         "deepest": deepest,
         "solid": solid,
         "times": times,

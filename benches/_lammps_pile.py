@@ -9,13 +9,13 @@ from __future__ import annotations
 import ctypes
 import json
 import os
-import resource
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _memory import peak_memory
 from scale_overlap import depth, kinetic
 
 POISSON = 0.3
@@ -119,7 +119,7 @@ def main(path: str) -> None:
             "step": dt,
             "phases": spent,
             "cpu": cpu,
-            "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+            "memory": peak_memory(),
             "deepest": deepest,
             "deepest_end": end.deepest,
             "mean_end": end.mean,

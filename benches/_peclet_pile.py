@@ -7,13 +7,13 @@ The program computes in single precision.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _memory import peak_memory
 from scale_overlap import depth, kinetic
 
 
@@ -78,7 +78,7 @@ def main(path: str) -> None:
         "step": ask["step"],
         "phases": spent,
         "cpu": cpu,
-        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "memory": peak_memory(),
         "deepest": deepest,
         "deepest_end": end.deepest,
         "mean_end": end.mean,

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import math
-import resource
 import sys
 import time
 from pathlib import Path
@@ -24,6 +23,7 @@ ask = json.loads(Path(here).read_text())
 sys.path.insert(0, ask["code"])
 
 from _lammps_pile import POISSON, time_step  # noqa: E402
+from _memory import peak_memory  # noqa: E402
 from scale_overlap import depth, kinetic  # noqa: E402
 from yade import config  # noqa: E402
 
@@ -71,7 +71,7 @@ told = {
     "step": O.dt,
     "phases": spent,
     "cpu": cpu,
-    "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+    "memory": peak_memory(),
     "deepest": deepest,
     "deepest_end": end.deepest,
     "mean_end": end.mean,

@@ -7,7 +7,6 @@ the start of a larger scene out of such a state.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _memory import peak_memory
 from scale_overlap import F64, depth, kinetic
 
 SCENE = Path(__file__).parent.parent / "scenarios" / "pile.toml"
@@ -110,7 +110,7 @@ def run(ask: Mapping[str, Any]) -> dict[str, Any]:
         "cpu": cpu,
         "slowest": max(each, default=0.0),
         "built": built,
-        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "memory": peak_memory(),
         "deepest": max(deepest, end.deepest, totals["penetration_max_relative"]),
         "deepest_end": end.deepest,
         "mean_end": end.mean,

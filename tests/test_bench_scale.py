@@ -213,6 +213,19 @@ def test_a_program_that_fails_is_told_with_its_last_words(tmp_path: Path) -> Non
     assert bench.answered(line, ask, tmp_path) == ({}, "ended with code 1: no such grain")
 
 
+def test_the_memory_of_a_program_is_its_own(tmp_path: Path) -> None:
+    """`ru_maxrss` of a program forked from this one held the memory of this one as well."""
+    ballast = np.ones(40_000_000)  # 320 MB
+    ask = {"told": str(tmp_path / "told.json"), "limit": 20.0, "threads": 1}
+    program = (
+        f"import sys, pathlib; sys.path.insert(0, {str(bench.HERE)!r}); from _memory import peak_memory; "
+        f"pathlib.Path({ask['told']!r}).write_text('{{\"memory\": %d}}' % peak_memory())"
+    )
+    answer, why = bench.answered([sys.executable, "-c", program], ask, tmp_path)
+    assert not why
+    assert 1e6 < answer["memory"] < 100e6 < ballast.nbytes
+
+
 def test_a_program_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(bench, "GRACE", 0.1)
     ask = {"told": str(tmp_path / "told.json"), "limit": 0.1, "threads": 1}
