@@ -9,6 +9,7 @@ from typing import Any
 import audit_faults as fault
 import audit_scenes as scenes
 import carom
+import h5py
 import numpy as np
 import pytest
 from audit_faults import Fault
@@ -532,3 +533,30 @@ def test_the_overlap_admitted_in_piles_is_the_solver_s() -> None:
     for tolerance in (1e-9, 1e-6, 1e-5, 1e-4, 2.4e-4, 2.6e-4, 1e-3, 1e-2):
         theirs = [_core.pile_overlap(tolerance, int(n)) for n in contacts]
         assert pile_overlap(tolerance, contacts) == pytest.approx(theirs, rel=1e-12), tolerance
+
+
+def test_balls_that_go_far_between_frames_are_looked_at_where_they_are(tmp_path: Path) -> None:
+    """Pairs are sought near both ends of the interval, not along all of the way: those would be all pairs."""
+    scene = carom.Scene()
+    scene.material("steel")
+    scene.contact("steel", "steel", friction=0.1, restitution=0.5)
+    places = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    for k, place in enumerate(places):
+        scene.sphere(f"b{k}", radius=0.01, density=7800, material="steel",
+                     position=0.08 * place, velocity=(1.0, 0.0, 0.0))  # fmt: skip
+    path = tmp_path / "run"
+    carom.simulate(scene, out=path, step=1e-3, until=0.2, every=50)
+    clean = carom.audit.check(path)
+    assert clean.ok
+    # The ways of 125 balls in four intervals reach as many neighbours; those near either end are none.
+    assert clean["penetration"].judged == 0
+    assert any("some radii" in of.why and of.count == 4 * 125 for of in clean["tunnelling"].unjudged)
+
+    def overlap(file: h5py.File) -> None:
+        place = file["frames/position"]
+        place[-1, 100] = place[-1, 3] + np.array([0.019, 0.0, 0.0])
+
+    found = carom.audit.check(fault.planted(path, tmp_path / "copy", overlap))
+    assert found["penetration"].word == "violated"
+    assert found["penetration"].worst is not None
+    assert found["penetration"].worst.place.who == ("b3", "b100")

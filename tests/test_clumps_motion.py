@@ -5,6 +5,7 @@ from __future__ import annotations
 import carom
 import numpy as np
 import pytest
+from carom import audit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -375,3 +376,25 @@ def test_what_turns_too_far_for_any_part_of_a_step_is_told() -> None:
     )
     with pytest.raises(carom.CaromError, match=r"too fast at step 1, t = 0\.001 s at rod1 \(it turns at"):
         carom.simulate(made, step=1e-3, until=0.003)
+
+
+def test_a_heap_of_rods_settles_by_sweeps() -> None:
+    """By Newton's method, which goes round in circles in such islands, it took 77 fallbacks and thirty times as long."""
+    side, r = 0.016, 1e-3
+    made = scene(e=0.3, mu=0.5)
+    across = {"x0": (1, 0, 0), "x1": (-1, 0, 0), "y0": (0, 1, 0), "y1": (0, -1, 0)}
+    for name, normal in across.items():
+        point = [side if component < 0 else 0.0 for component in normal]
+        made.plane(name, point=point, normal=normal, material="steel")
+    rod = [[x, 0, 0, r] for x in (-r, 0.0, r)]
+    made.clump_packing("rod", spheres=rod, material="steel", density=2500, seed=1, count=60,
+                       low=(0, 0, 0), high=(side, side, 4 * side))  # fmt: skip
+    run = carom.simulate(
+        made, step=5e-4, until=0.3, pile_tolerance=1e-4, every=1, contacts=True, impacts=True
+    )
+    steps = run.steps
+    assert steps.largest_island.max() > 150
+    assert steps.fallbacks.sum() <= 20
+    assert not steps.unconverged.any()
+    assert steps.energy_kinetic[-1] < 1e-3 * steps.energy_kinetic.max()
+    assert audit.check(run).ok

@@ -9,16 +9,18 @@
 mod convex;
 mod hybrid;
 mod linearised;
+mod swept;
 
 use crate::companion::moved_apart;
 use crate::cone::Status;
 use crate::judge::Terms;
-use crate::ladder::{Attempt, IslandWay, IslandWhen, ISLAND};
+use crate::ladder::{Attempt, IslandWay, IslandWhen, COARSE_TOLERANCE, ISLAND};
 use crate::linear_step::{Iterate, LinearStep};
 use crate::newton::{Augmented, Equations, Rule, Steps};
 use crate::report::SolveReport;
 use crate::rows::{RowContact, RowSystem, Subproblem, NODE_DOF};
 use hybrid::Hybrid;
+use swept::RowSweeps;
 
 /// Numerical options of a solve.
 #[derive(Clone, Copy, Debug)]
@@ -86,6 +88,7 @@ pub struct Newton {
     x: Vec<f64>,
     linear: LinearStep,
     hybrid: Hybrid,
+    row_sweeps: RowSweeps,
     /// Norm of the residual where the last run of iterations began.
     began: f64,
     /// Relative residual (eq. 44) at each iterate of the last solve, all rungs in order.
@@ -104,6 +107,13 @@ struct Island<'a, P> {
 impl<P> Island<'_, P> {
     fn is_large(&self) -> bool {
         self.system.contacts.len() > self.options.dense_contacts
+    }
+
+    /// Whether sweeps are the faster way, and no other solver was asked for.
+    fn is_coarse(&self) -> bool {
+        let (options, contacts) = (self.options, &self.system.contacts);
+        let coarse = self.is_large() && options.tolerance >= COARSE_TOLERANCE;
+        coarse && options.companion.is_some() && contacts.iter().all(|c| !c.bilateral)
     }
 
     /// Relative residual of eq. 44.
@@ -154,9 +164,10 @@ impl Newton {
         let mut total = SolveReport::default();
         let held = on.system.contacts.iter().any(|c| c.least > 0.0);
         for rung in &ISLAND {
-            let knows = !held || matches!(rung.way, IslandWay::Newton);
+            let knows = !held || matches!(rung.way, IslandWay::Newton | IslandWay::Sweeps);
             let fits = knows
                 && match rung.when {
+                    IslandWhen::Coarse => on.is_coarse(),
                     IslandWhen::Always => true,
                     IslandWhen::Swept => swept,
                     IslandWhen::Last => options.companion.is_some(),
@@ -167,6 +178,7 @@ impl Newton {
             total.fallback |= !self.attempts.is_empty();
             x.clone_from(&self.start);
             let mut report = match rung.way {
+                IslandWay::Sweeps => self.sweep(&mut on, rung.budget, &mut x),
                 IslandWay::Newton => self.iterate(&mut on, held, &mut x),
                 IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
                 IslandWay::Companion => self.companion(&mut on, rung.budget, &mut x),

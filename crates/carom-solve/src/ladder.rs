@@ -38,6 +38,8 @@ pub const HELD: &str = "held at rest";
 /// Ways to solve an island of rows.
 #[derive(Clone, Copy, Debug)]
 pub enum IslandWay {
+    /// Sweeps over the rows.
+    Sweeps,
     /// Linear cone problems, one after the other, each by [`AUTO`].
     Linearised,
     /// Newton's method.
@@ -50,6 +52,8 @@ pub enum IslandWay {
 #[derive(Clone, Copy, Debug)]
 pub enum IslandWhen {
     Always,
+    /// A large island without joints, which a coarse tolerance would loosen, and a tolerance from [`COARSE_TOLERANCE`] on.
+    Coarse,
     /// Other means than Newton's method are allowed.
     Swept,
     /// The options take what is near a solution.
@@ -87,6 +91,9 @@ pub enum When {
     Unbounded,
 }
 
+/// `pile_tolerance` (1) from which on large islands are swept. Smaller: sweeps, which converge linearly, crawl in islands that Newton's method solves
+/// faster. Larger: scenes of piles pay for factorisations of each small island.
+pub const COARSE_TOLERANCE: f64 = 1e-5;
 /// Rows (1) up to which a matrix is dense, and Newton's method begins: a dense factorisation costs no more than some sweeps.
 /// Only time hangs on it.
 pub const SMALL_ROWS: usize = 96;
@@ -148,7 +155,8 @@ const fn round(relaxation: f64, patience: u32) -> Method {
 
 /// Islands of rows. Newton's method has as many iterations as the options say.
 #[rustfmt::skip]
-pub const ISLAND: [Rung<IslandWay, IslandWhen>; 3] = [
+pub const ISLAND: [Rung<IslandWay, IslandWhen>; 4] = [
+    rung("sweeps",     IslandWay::Sweeps,     2_000,    IslandWhen::Coarse, "many contacts, whose factors fill up, and a tolerance that sweeps reach"),
     rung("newton",     IslandWay::Newton,     u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
     rung("linearised", IslandWay::Linearised, 12,       IslandWhen::Swept,  "hyperstatic islands, where Newton goes round in circles"),
     rung("companion",  IslandWay::Companion,  12,       IslandWhen::Last,   "no solution, or none that is found: what slides moves apart"),

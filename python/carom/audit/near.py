@@ -2,7 +2,8 @@
 
 A body is somewhere within its *way*: the distance between its two places, or what its speeds at both frames and its weight
 allow, whichever is more. Ways are cut at some radii, beyond which pairs are too many to look at; of a body whose way is
-cut, nothing is concluded from having met nobody.
+cut, nothing is concluded from having met nobody. Where several steps lie between frames of many bodies, the distance itself
+is cut as well, and pairs that touch at the end are looked for there.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from carom.audit.forces import fastest
 from carom.audit.loads import of_loads
 from carom.audit.rates import compliance
 from carom.audit.vectors import norm
+from carom.scene.packing.neighbours import ascending
 from carom.scene.packing.neighbours import pairs as neighbours
 
 LONGEST = 8.0
@@ -40,6 +42,8 @@ class Near:
     normal1: F64
     free: Bool
     """(B, N) bodies that can have touched nothing."""
+    far: Bool
+    """(B, N) bodies that went farther than pairs were looked for."""
 
 
 def near(block: Block) -> Near:
@@ -53,8 +57,9 @@ def near(block: Block) -> Near:
         gained = of_loads(block).spread[:, free_walls, 0] / run.mass[free_walls]
         possible[:, free_walls] += gained * block.dt[:, None]
     longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
+    far = block.there & (travelled > longest) & (block.n > 1)[:, None] & (run.bodies > ALL_PAIRS)
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
-    balls, walls = _balls(block, way), _walls(block, way)
+    balls, walls = _balls(block, np.where(far, longest, way), far), _walls(block, way)
     k, a, b, reach = (np.concatenate(parts) for parts in zip(balls, walls, strict=True))
     other = np.minimum(b, run.bodies - 1)
     gap0, normal0 = run.meet(block.t0[k], a, b, block.x0[k, a], block.x0[k, other])
@@ -67,13 +72,14 @@ def near(block: Block) -> Near:
     free[k[met], b[met]] = False
     for clump in run.clumps:
         free[:, clump.balls] = free[:, clump.balls].all(axis=1, keepdims=True)
-    return Near(k, a, b, gap0, normal0, gap1, normal1, free)
+    return Near(k, a, b, gap0, normal0, gap1, normal1, free, far)
 
 
-def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
+def _balls(block: Block, way: F64, far: Bool) -> tuple[I64, I64, I64, F64]:
     run = block.run
+    touch = run.radius * (1.0 + MARGIN)
     # As the box deforms, what is so far apart comes nearer by a share of it at most.
-    reach = (run.radius * (1.0 + MARGIN) + way) * (1.0 + carried.strain(block))[:, None]
+    reach = (touch + way) * (1.0 + carried.strain(block))[:, None]
     if run.bodies <= ALL_PAIRS:
         a, b = np.triu_indices(run.balls, 1)
         time = np.repeat(block.t0, len(a))
@@ -89,6 +95,10 @@ def _balls(block: Block, way: F64) -> tuple[I64, I64, I64, F64]:
         here = np.flatnonzero(block.there[interval, : run.balls])
         box = run.box.packed(block.t0[interval])
         first, second = neighbours(block.x0[interval, here], reach[interval, here], box)
+        if far[interval].any():
+            end = neighbours(block.x1[interval, here], touch[here], run.box.packed(block.t1[interval]))
+            both = ascending(np.concatenate([a * len(here) + b for a, b in ((first, second), end)]))
+            first, second = both // len(here), both % len(here)
         found.append((np.full(len(first), interval), here[first], here[second]))
     return _free(block, way, *(np.concatenate(part) for part in zip(*found, strict=True)))
 

@@ -5,7 +5,7 @@ A way around is at least as long as the shortest one outside (two tangents and a
 speeds of the interval allow, and the chord cuts deeper than one of `min(r_A, r_B)` would (steps with a longer way against a
 body are made in parts), the pair has passed through. Of pieces of walls a way through the sheet within its outline is
 compared with the shortest one around its edge. Where many steps lie between frames, speeds between are not known;
-twice those of the frames are granted.
+twice those of the frames are granted. Balls that go far in such an interval are not followed past others (`Near.far`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
     factor = np.where(block.n == 1, 1.0, 2.0)
     way = 1.05 * factor[:, None] * speed * block.dt[:, None]
     _spheres(block, near, tally, way)
+    tally.skip("tunnelling", "the ball went some radii between frames", "every = 1 in [record]", int(near.far.sum()))
     for w, wall in enumerate(run.walls):
         rows = (near.b == run.bodies + w) & wall.there(block.t1[near.k])
         k, a = near.k[rows], near.a[rows]

@@ -4,6 +4,7 @@ use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
 use crate::options::Solver;
+use carom_solve::ladder::COARSE_TOLERANCE;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::{Goal, Progress};
 
@@ -32,10 +33,6 @@ pub(super) const SPLIT_ITERATIONS: u32 = 5_000;
 
 /// Their tolerance over that of the pile (1), which is of another norm. Near 1 the judge of the pile may refuse what they find.
 pub(super) const SPLIT_SHARE: f64 = 0.1;
-
-/// `pile_tolerance` (1) from which on every island without dense matrix is swept. Smaller: sweeps, which converge linearly, crawl in islands that
-/// Newton's method solves faster. Larger: scenes of piles pay for factorisations of each small island.
-pub(super) const COARSE_TOLERANCE: f64 = 1e-5;
 
 /// Fewest contacts of a large island, which is solved otherwise where it is hit. Fewer: wedges stay, and a tower of 28 balls gained energy. More:
 /// hit piles of tens of thousands of grains take up to twice the sweeps.

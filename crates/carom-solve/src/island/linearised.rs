@@ -1,5 +1,6 @@
 //! Islands as a sequence of linear cone problems, each solved by `hybrid`. At the velocity level one is enough; at the position level what
-//! is left of the gaps and the turning of the normals shrinks with every one. Loads that depend on the motion are those of the round before.
+//! is left of the gaps and the turning of the normals shrinks with every one. Loads that depend on the motion are those of the round before. Large
+//! islands are swept (`swept`), and linearised again as they are.
 
 use super::{Island, Newton};
 use crate::report::SolveReport;
@@ -19,6 +20,15 @@ const LINEAR_ROUNDINGS: f64 = 4.0;
 /// Share (1) of the last residual below which a linear problem was worth another one. Near 1, rounds without progress; near 0,
 /// good ones are thrown away.
 const GAIN: f64 = 0.5;
+/// Sweeps (1) between two looks at most, each of which states the problem anew. Many: normals have turned long before. Few: momentum is lost with
+/// each statement, and positions of heaps do not converge (measured with 16).
+const BETWEEN: u32 = 64;
+/// Change in a sweep over the multipliers (1), in parts of the tolerance, from which on a look is worth while. Speed alone.
+const LIKELY: f64 = 0.5;
+/// Sweeps (1) in which the residual has to come down to [`GAIN`] times what it was. Small, other ways solve what sweeps would have; large, what
+/// they cannot solve costs as many.
+const PATIENCE: u32 = 400;
+
 impl Newton {
     pub(super) fn linearise<P: Subproblem>(
         &mut self,
@@ -63,6 +73,55 @@ impl Newton {
             total.iterations += report.iterations;
             total.fallback |= report.fallback;
         }
+        total
+    }
+
+    /// Sweeps, and linearises anew at each look.
+    pub(super) fn sweep<P: Subproblem>(
+        &mut self,
+        on: &mut Island<P>,
+        most: u32,
+        x: &mut [f64],
+    ) -> SolveReport {
+        let mut sweeps = std::mem::take(&mut self.row_sweeps);
+        let mut total = SolveReport::default();
+        self.set_penalty(on.system, on.options.penalty_scale);
+        let (mut done, mut since, mut before) = (0, 0, f64::INFINITY);
+        loop {
+            let terms = self.evaluate(on, x);
+            total.residual = on.relative(&terms);
+            self.history.push(total.residual);
+            total.converged = total.residual < on.options.tolerance;
+            if total.converged || !terms.residual.is_finite() || done >= most {
+                break;
+            }
+            if total.residual <= GAIN * before {
+                (since, before) = (0, total.residual);
+            } else if since >= PATIENCE {
+                break;
+            }
+            let (lambda, u) = x.split_at_mut(on.system.rows());
+            sweeps.open(on.system, &self.at.z, u);
+            on.system.impulses(lambda, &mut self.force);
+            on.system.apply_inverse_mass(&self.force, u);
+            let enough = LIKELY * on.options.tolerance;
+            let calm = (1..BETWEEN).find(|_| sweeps.once(on.system, x) <= enough * enough);
+            let count = calm.unwrap_or(BETWEEN);
+            let (lambda, u) = x.split_at_mut(on.system.rows());
+            on.system.correction(lambda, u);
+            total.iterations += 1;
+            done += count;
+            since += count;
+        }
+        let (lambda, u) = x.split_at_mut(on.system.rows());
+        if done > 0 {
+            // Sweeps leave multipliers in their cones.
+            self.at.phi.copy_from_slice(lambda);
+        } else {
+            lambda.copy_from_slice(&self.at.phi);
+            on.system.correction(lambda, u);
+        }
+        self.row_sweeps = sweeps;
         total
     }
 }

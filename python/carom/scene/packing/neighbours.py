@@ -44,8 +44,16 @@ def pairs(position: F64, reach: F64, period: PeriodicBox | F64 | None = None) ->
     first, second = _near(position, reach[owner], n)
     first, second = owner[first], owner[second]
     a, b = np.minimum(first, second), np.maximum(first, second)
-    found = np.unique((a * n + b)[a != b])  # a pair that is met across a face is met from both sides
+    found = ascending((a * n + b)[a != b])  # a pair that is met across a face is met from both sides
     return found // n, found % n
+
+
+def ascending(numbers: I64) -> I64:
+    """The numbers in ascending order, each once: `np.unique`, which is slow by its hash table where there are millions."""
+    ordered = np.sort(numbers)
+    new = np.ones(len(ordered), dtype=bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
+    return np.asarray(ordered[new])
 
 
 def separation(delta: F64, period: PeriodicBox | F64 | None) -> F64:

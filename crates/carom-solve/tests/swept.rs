@@ -1,0 +1,129 @@
+//! Large islands by sweeps over their rows: bodies whose contacts act on them off their centres, as those of clumps do.
+
+mod common;
+
+use carom_solve::rows::{Linear, RowSystem};
+use carom_solve::NewtonOptions;
+use common::{bounds, cross, heap, sharp, solve, violation, Rng, Solved};
+
+/// The finest options with which large islands are swept.
+fn coarse() -> NewtonOptions {
+    NewtonOptions {
+        tolerance: 1e-5,
+        companion: Some(1.0),
+        ..sharp()
+    }
+}
+
+/// Random levers of the contacts: rows of one contact act on one another.
+fn off_centre(system: &mut RowSystem, rng: &mut Rng, size: f64) {
+    for contact in system.contacts.clone() {
+        for side in 0..2 {
+            let lever = rng.vector(size);
+            for row in contact.rows() {
+                let along = &mut system.jac[row][side];
+                let turn = cross(lever, [along[0], along[1], along[2]]);
+                (0..3).for_each(|k| along[3 + k] += turn[k]);
+            }
+        }
+        let mut block = Default::default();
+        system.delassus_block(&contact, &contact, &mut block);
+        let diagonal: Vec<f64> = (0..contact.dim as usize).map(|k| block[k][k]).collect();
+        system.diag[contact.rows()].copy_from_slice(&diagonal);
+        // Slips are slowed against their direction: both rows of a disc have one scale.
+        for disc in contact.bounds.discs() {
+            let first = contact.row as usize + disc.start;
+            let both = &mut system.diag[first..first + disc.dim];
+            both.fill(both.iter().copied().fold(0.0, f64::max));
+        }
+    }
+}
+
+/// A heap of `contacts` contacts that are pushed together at random.
+fn pushed(seed: u64, contacts: usize, mask: usize) -> RowSystem {
+    let rng = &mut Rng(seed);
+    let spheres = heap(rng, contacts, true, false);
+    let laws: Vec<_> = spheres
+        .pairs
+        .iter()
+        .map(|_| bounds(mask, rng, 0.5, 0.8))
+        .collect();
+    let mut system = spheres.system(&laws, |_, row| match row {
+        0 => rng.uniform(-1.0, 0.2),
+        _ => rng.uniform(-0.5, 0.5),
+    });
+    off_centre(&mut system, &mut Rng(seed + 1), 0.6);
+    system
+}
+
+fn swept(system: &mut RowSystem, options: &NewtonOptions) -> Solved {
+    let found = solve(system, &mut Linear, options);
+    assert!(found.report.converged, "{:?}", found.report);
+    assert_eq!(found.report.rung, "sweeps");
+    assert!(!found.report.fallback);
+    found
+}
+
+#[test]
+fn coulomb_contacts_of_bodies_with_levers_meet_their_conditions() {
+    for mask in [0, 1, 3, 5, 7] {
+        for seed in 0..8 {
+            let mut system = pushed(100 * mask as u64 + seed, 80, mask);
+            let found = swept(&mut system, &coarse());
+            assert!(found.violation < 2e-4, "{mask} {seed}: {}", found.violation);
+        }
+    }
+}
+
+/// Without friction the velocities are unique: the minimum of the kinetic energy over what the gaps admit.
+#[test]
+fn without_friction_sweeps_find_what_newtons_method_finds() {
+    for seed in 0..8 {
+        let mut system = pushed(seed, 80, 0);
+        let found = swept(&mut system, &coarse());
+        let exact = solve(&mut system, &mut Linear, &sharp());
+        assert!(exact.report.converged && exact.report.rung != "sweeps");
+        let size = exact.u.iter().fold(0.0f64, |most, u| most.max(u.abs()));
+        for (u, exact) in found.u.iter().zip(&exact.u) {
+            assert!((u - exact).abs() < 1e-3 * size, "{seed}: {u} and {exact}");
+        }
+    }
+}
+
+/// Gaps of turning normals: each look states the problem anew.
+#[test]
+fn gaps_of_a_heap_are_closed() {
+    for seed in 0..8 {
+        let rng = &mut Rng(seed);
+        let mut spheres = heap(rng, 60, true, true);
+        let laws = vec![Default::default(); spheres.pairs.len()];
+        let mut system = spheres.system(&laws, |_, _| 0.0);
+        let found = solve(&mut system, &mut spheres, &coarse());
+        assert!(found.report.converged && found.report.rung == "sweeps");
+        assert!(found.violation < 2e-4, "{seed}: {}", found.violation);
+    }
+}
+
+/// What starts at the solution keeps its multipliers in their cones and its corrections theirs.
+#[test]
+fn a_solution_stays() {
+    let mut system = pushed(7, 80, 1);
+    let found = swept(&mut system, &coarse());
+    let mut newton = carom_solve::Newton::default();
+    let (mut lambda, mut u) = (found.lambda.clone(), found.u.clone());
+    // Off its cone by less than the tolerance.
+    lambda[1] += 1e-8;
+    let report = newton.solve(&mut system, &mut Linear, &coarse(), &mut lambda, &mut u);
+    assert_eq!((report.iterations, report.rung), (0, "sweeps"));
+    let mut z = vec![0.0; system.rows()];
+    system.linear_measures(&u, &mut z);
+    let mut force = vec![0.0; u.len()];
+    system.impulses(&lambda, &mut force);
+    let mut by_impulses = vec![0.0; u.len()];
+    system.apply_inverse_mass(&force, &mut by_impulses);
+    assert!(u
+        .iter()
+        .zip(&by_impulses)
+        .all(|(u, v)| (u - v).abs() <= 1e-12));
+    assert!(violation(&system, &z, &lambda, &u) < 1e-3);
+}
