@@ -28,7 +28,9 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
     factor = np.where(block.n == 1, 1.0, 2.0)
     way = 1.05 * factor[:, None] * speed * block.dt[:, None]
     _spheres(block, near, tally, way)
-    tally.skip("tunnelling", "the ball went some radii between frames", "every = 1 in [record]", int(near.far.sum()))
+    tally.skip(
+        "tunnelling", "the ball went some radii between frames", "every = 1 in [record]", int(near.far.sum())
+    )
     for w, wall in enumerate(run.walls):
         rows = (near.b == run.bodies + w) & wall.there(block.t1[near.k])
         k, a = near.k[rows], near.a[rows]
