@@ -560,3 +560,21 @@ def test_balls_that_go_far_between_frames_are_looked_at_where_they_are(tmp_path:
     assert found["penetration"].word == "violated"
     assert found["penetration"].worst is not None
     assert found["penetration"].worst.place.who == ("b3", "b100")
+
+
+def test_a_ball_that_one_from_far_away_hits_is_in_no_free_flight(tmp_path: Path) -> None:
+    """Without recorded contacts free flight is all that is judged of it: the hit would be momentum out of nothing."""
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("ball", "ball", friction=0.0, restitution=0.9)
+    for k in range(70):
+        place = (1 + 0.1 * (k % 10), 1 + 0.1 * (k // 10), 0)
+        scene.sphere(f"b{k}", radius=0.01, density=7800, material="ball", position=place)
+    scene.sphere("target", radius=0.01, density=7800, material="ball", position=(0, 0, 0))
+    scene.sphere(
+        "cue", radius=0.01, density=7800, material="ball", position=(-0.06, 0.0197, 0), velocity=(2, 0, 0)
+    )
+    run = carom.simulate(scene, step=1e-3, until=0.04, every=40, contacts=False, out=tmp_path / "run")
+    assert np.linalg.norm(run["target"].velocity[-1]) > 0.01
+    report = audit.check(run)
+    assert report.ok, repr(report)
+    assert report["momentum"].judged == 70

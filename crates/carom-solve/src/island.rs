@@ -42,6 +42,8 @@ pub struct NewtonOptions {
     pub max_line_search: u32,
     /// Gauss-Seidel sweeps before the last restart.
     pub sweeps: u32,
+    /// Large islands may be swept, where the tolerance is coarse.
+    pub may_sweep: bool,
     /// Up to this many contacts: dense matrix with the exact Hessian.
     pub dense_contacts: usize,
     /// What nothing else solves is solved by its convex companion, with this share of the friction.
@@ -109,11 +111,11 @@ impl<P> Island<'_, P> {
         self.system.contacts.len() > self.options.dense_contacts
     }
 
-    /// Whether sweeps are the faster way, and no other solver was asked for.
+    /// Whether sweeps are the faster way.
     fn is_coarse(&self) -> bool {
         let (options, contacts) = (self.options, &self.system.contacts);
         let coarse = self.is_large() && options.tolerance >= COARSE_TOLERANCE;
-        coarse && options.companion.is_some() && contacts.iter().all(|c| !c.bilateral)
+        coarse && options.may_sweep && contacts.iter().all(|c| !c.bilateral)
     }
 
     /// Relative residual of eq. 44.
@@ -178,7 +180,10 @@ impl Newton {
             total.fallback |= !self.attempts.is_empty();
             x.clone_from(&self.start);
             let mut report = match rung.way {
-                IslandWay::Sweeps => self.sweep(&mut on, rung.budget, &mut x),
+                IslandWay::Sweeps => match self.sweep(&mut on, rung.budget, &mut x) {
+                    Some(report) => report,
+                    None => continue,
+                },
                 IslandWay::Newton => self.iterate(&mut on, held, &mut x),
                 IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
                 IslandWay::Companion => self.companion(&mut on, rung.budget, &mut x),

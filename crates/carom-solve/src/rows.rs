@@ -157,6 +157,26 @@ impl RowSystem {
         self.load_tangent.clear();
     }
 
+    /// Largest sum of the sizes in a row of `M^-1 db/du` at the last evaluation, angles over lengths of nodes: how much of a change of velocities
+    /// loads give back, or take.
+    pub fn load_feedback(&self) -> f64 {
+        let mut sums = vec![0.0; NODE_DOF * self.nodes()];
+        let scale = |dof: usize| match dof % NODE_DOF {
+            0..3 => 1.0,
+            _ => self.node_length[dof / NODE_DOF],
+        };
+        for &(row, column, value) in &self.load_tangent {
+            let (row, column) = (row as usize, column as usize);
+            let node = row / NODE_DOF;
+            let inverse = match row % NODE_DOF {
+                0..3 => self.inv_mass[node],
+                _ => self.inv_inertia[node],
+            };
+            sums[row] += inverse * value.abs() * scale(row) / scale(column);
+        }
+        sums.into_iter().fold(0.0, f64::max)
+    }
+
     #[inline]
     pub fn nodes(&self) -> usize {
         self.inv_mass.len()

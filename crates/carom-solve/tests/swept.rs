@@ -10,7 +10,7 @@ use common::{bounds, cross, heap, sharp, solve, violation, Rng, Solved};
 fn coarse() -> NewtonOptions {
     NewtonOptions {
         tolerance: 1e-5,
-        companion: Some(1.0),
+        may_sweep: true,
         ..sharp()
     }
 }

@@ -58,6 +58,7 @@ def near(block: Block) -> Near:
         possible[:, free_walls] += gained * block.dt[:, None]
     longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     far = block.there & (travelled > longest) & (block.n > 1)[:, None] & (run.bodies > ALL_PAIRS)
+    far[:, run.balls :] = False
     way = np.where(block.there, np.maximum(travelled, np.minimum(possible, longest)), 0.0)
     balls, walls = _balls(block, np.where(far, longest, way), far), _walls(block, way)
     k, a, b, reach = (np.concatenate(parts) for parts in zip(balls, walls, strict=True))
@@ -70,6 +71,9 @@ def near(block: Block) -> Near:
     free[k[met], a[met]] = False
     met &= ball
     free[k[met], b[met]] = False
+    for interval in np.flatnonzero(far.any(axis=1) & free.any(axis=1)):
+        hit = _reached(block, int(interval), way[interval], far[interval], free[interval])
+        free[interval, hit] = False
     for clump in run.clumps:
         free[:, clump.balls] = free[:, clump.balls].all(axis=1, keepdims=True)
     return Near(k, a, b, gap0, normal0, gap1, normal1, free, far)
@@ -101,6 +105,17 @@ def _balls(block: Block, way: F64, far: Bool) -> tuple[I64, I64, I64, F64]:
             first, second = both // len(here), both % len(here)
         found.append((np.full(len(first), interval), here[first], here[second]))
     return _free(block, way, *(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def _reached(block: Block, k: int, way: F64, far: Bool, free: Bool) -> I64:
+    """Which of the free balls those that went far may have met somewhere on their way."""
+    run = block.run
+    here = np.flatnonzero((far | free)[: run.balls])
+    reach = (run.radius * (1.0 + MARGIN) + way) * (1.0 + carried.strain(block)[k])
+    a, b = neighbours(block.x0[k, here], reach[here], run.box.packed(block.t0[k]))
+    a, b = here[a], here[b]
+    one = far[a] != far[b]
+    return np.asarray(np.where(far[a], b, a)[one])
 
 
 def _free(block: Block, way: F64, k: I64, a: I64, b: I64) -> tuple[I64, I64, I64, F64]:

@@ -98,6 +98,7 @@ pub(crate) fn newton_options(
             0
         },
         sweeps: options.gauss_seidel_sweeps,
+        may_sweep: companion(options, position).is_some() && !options.is_printed(),
         dense_contacts: options.dense_contacts as usize,
         companion: companion(options, position),
     }

@@ -3,8 +3,9 @@
 //! islands are swept (`swept`), and linearised again as they are.
 
 use super::{Island, Newton};
+use crate::cone::{self, Status, MAX_ROWS};
 use crate::report::SolveReport;
-use crate::rows::Subproblem;
+use crate::rows::{RowContact, Subproblem};
 
 /// Tolerance of a linear problem over that of the island (1). With 1 the island just misses its tolerance, and another linear
 /// problem is needed; small, sweeps that nobody needs.
@@ -28,6 +29,10 @@ const LIKELY: f64 = 0.5;
 /// Sweeps (1) in which the residual has to come down to [`GAIN`] times what it was. Small, other ways solve what sweeps would have; large, what
 /// they cannot solve costs as many.
 const PATIENCE: u32 = 400;
+/// Overlap over the radius that swept positions may keep, in parts of the tolerance: as in piles. Larger: the norm of all hides the worst contact.
+const OVERLAP: f64 = 0.9;
+/// What loads may give back of a change of velocities (1, [`crate::rows::RowSystem::load_feedback`]). At 1 the loads of the look before diverge.
+const MOST_FEEDBACK: f64 = 0.5;
 
 impl Newton {
     pub(super) fn linearise<P: Subproblem>(
@@ -76,22 +81,26 @@ impl Newton {
         total
     }
 
-    /// Sweeps, and linearises anew at each look.
+    /// Sweeps, and linearises anew at each look. Nothing: loads follow the motion too closely to be those of the look before.
     pub(super) fn sweep<P: Subproblem>(
         &mut self,
         on: &mut Island<P>,
         most: u32,
         x: &mut [f64],
-    ) -> SolveReport {
+    ) -> Option<SolveReport> {
         let mut sweeps = std::mem::take(&mut self.row_sweeps);
         let mut total = SolveReport::default();
         self.set_penalty(on.system, on.options.penalty_scale);
         let (mut done, mut since, mut before) = (0, 0, f64::INFINITY);
         loop {
             let terms = self.evaluate(on, x);
+            if done == 0 && on.system.load_feedback() > MOST_FEEDBACK {
+                self.row_sweeps = sweeps;
+                return None;
+            }
             total.residual = on.relative(&terms);
             self.history.push(total.residual);
-            total.converged = total.residual < on.options.tolerance;
+            total.converged = total.residual < on.options.tolerance && self.nearly_closed(on);
             if total.converged || !terms.residual.is_finite() || done >= most {
                 break;
             }
@@ -105,7 +114,7 @@ impl Newton {
             on.system.impulses(lambda, &mut self.force);
             on.system.apply_inverse_mass(&self.force, u);
             let enough = LIKELY * on.options.tolerance;
-            let calm = (1..BETWEEN).find(|_| sweeps.once(on.system, x) <= enough * enough);
+            let calm = (1..=BETWEEN).find(|_| sweeps.once(on.system, x) <= enough * enough);
             let count = calm.unwrap_or(BETWEEN);
             let (lambda, u) = x.split_at_mut(on.system.rows());
             on.system.correction(lambda, u);
@@ -113,15 +122,31 @@ impl Newton {
             done += count;
             since += count;
         }
+        self.row_sweeps = sweeps;
         let (lambda, u) = x.split_at_mut(on.system.rows());
-        if done > 0 {
-            // Sweeps leave multipliers in their cones.
-            self.at.phi.copy_from_slice(lambda);
-        } else {
+        if done == 0 {
             lambda.copy_from_slice(&self.at.phi);
             on.system.correction(lambda, u);
+            return Some(total);
         }
-        self.row_sweeps = sweeps;
-        total
+        // Sweeps leave multipliers in their cones: these are the solution, and not what a step further would make of them.
+        self.at.phi.copy_from_slice(lambda);
+        for (c, status) in on.system.contacts.iter().zip(&mut self.at.statuses) {
+            let own = &lambda[c.rows()];
+            if own[0] <= 0.0 {
+                *status = Status::Gap;
+            } else if *status == Status::Gap {
+                let mut same = [0.0; MAX_ROWS];
+                *status = cone::project(&c.bounds, own, &mut same[..own.len()]);
+            }
+        }
+        Some(total)
+    }
+
+    /// Whether no contact overlaps by more than a pile may, where gaps are asked for.
+    fn nearly_closed<P>(&self, on: &Island<P>) -> bool {
+        let most = OVERLAP * on.options.tolerance;
+        let closed = |c: &RowContact| self.at.z[c.row as usize] >= -most * c.length;
+        on.options.gap_tolerance.is_infinite() || on.system.contacts.iter().all(closed)
     }
 }

@@ -204,6 +204,7 @@ pub fn sharp() -> NewtonOptions {
         sweeps: 15,
         dense_contacts: 10,
         companion: None,
+        may_sweep: false,
     }
 }
 

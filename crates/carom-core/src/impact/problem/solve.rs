@@ -333,7 +333,7 @@ impl ImpactScratch {
             // From a solution, by Newton's method alone.
             options.tolerance *= self.fineness;
             options.floor *= self.fineness;
-            options.companion = None;
+            (options.companion, options.may_sweep) = (None, false);
             (options.max_iterations, options.sweeps) = (FINER_ITERATIONS, 0);
         }
         options
