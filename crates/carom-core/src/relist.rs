@@ -14,9 +14,22 @@ use glam::DVec3;
 /// In scenes of many contacts: gap over r_c (1) up to which pairs join where others have come to overlap. Too small: more rounds, each with a solve
 /// of the pile.
 const RELIST_MARGIN: f64 = 5e-2;
-/// Adds pairs that overlap at the corrected positions and were no candidates. True: solve again from the start.
+
+/// Pairs at the corrected positions that were no candidates.
+pub(crate) enum Relisted {
+    /// Some overlap, and have joined: solve again from the start.
+    Joined,
+    /// None does; these touch.
+    Touching(Vec<NearPair>),
+}
+
+/// Adds pairs that overlap at the corrected positions and were no candidates.
 #[inline]
-pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Result<bool, Failure> {
+pub(crate) fn relist(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+) -> Result<Relisted, Failure> {
     // A pair that was beyond the margin stays apart unless its spheres were pushed by as much together.
     let threads = model.options.threads as usize;
     let pushed = |_, shift: &[[DVec3; 2]]| {
@@ -28,7 +41,7 @@ pub(crate) fn relist(model: &Model, state: &State, scratch: &mut Scratch) -> Res
     let far = largest > 0.0 && 2.0 * largest.sqrt() >= CANDIDATE_MARGIN * scratch.smallest;
     // What of a mesh a sphere meets may change with any push.
     if !far && model.meshes.is_empty() {
-        return Ok(false);
+        return Ok(Relisted::Touching(Vec::new()));
     }
     join_overlapping(
         model,
@@ -45,14 +58,15 @@ fn join_overlapping(
     state: &State,
     scratch: &mut Scratch,
     least: u32,
-) -> Result<bool, Failure> {
+) -> Result<Relisted, Failure> {
     let threads = model.options.threads as usize;
+    let touching = model.options.touching_tolerance;
     // In a pile what is pushed pushes on: pairs that come near join with those that overlap, or every round would take the
     // front of a wave one ball further.
     let margin = if scratch.contacts.len() > model.options.pile_contacts as usize {
         RELIST_MARGIN
     } else {
-        0.0
+        touching
     };
     let (linear, shift) = (&scratch.linear, &scratch.shift);
     let way = |i: usize| linear[i].displacement + shift[i][0];
@@ -65,7 +79,7 @@ fn join_overlapping(
         state.need(model, i, near + course.change(model.radius[i] + near))
     });
     list(model, state, scratch)?;
-    let (contacts, position) = (&mut scratch.contacts, &scratch.position);
+    let (contacts, position) = (&scratch.contacts, &scratch.position);
     let (walls, linear) = (&scratch.walls, &scratch.linear);
     let found = for_each_share(model, scratch.neighbours.pairs(), |pairs, found| {
         let places = (state, walls, &position[..], margin);
@@ -75,22 +89,37 @@ fn join_overlapping(
         let moved = |i: usize| position[i] != state.position[i] + linear[i].displacement;
         unknown_at_meshes(model, places, contacts, pairs, (least, moved), found)
     })?;
-    let overlapping = |near: &NearPair| {
+    let gap = |near: &NearPair| {
         let (i, j) = (near.pair.0 as usize, near.pair.1 as usize);
         let rb = if j < model.first_wall() {
             model.radius[j]
         } else {
             f64::INFINITY
         };
-        near.gap < -model.options.gap_tolerance * model.radius[i].min(rb)
+        near.gap / model.radius[i].min(rb)
     };
+    let overlapping = |near: &NearPair| gap(near) < -model.options.gap_tolerance;
     let mut joining: Vec<NearPair> = found.into_iter().flatten().collect();
-    if margin == 0.0 {
+    if !joining.iter().any(overlapping) {
+        joining.retain(|near| gap(near) <= touching);
+        return Ok(Relisted::Touching(joining));
+    }
+    if margin == touching {
         joining.retain(overlapping);
     }
-    if !joining.iter().any(overlapping) {
-        return Ok(false);
-    }
+    join(model, state, scratch, &joining)?;
+    start_over(model, state, scratch);
+    Ok(Relisted::Joined)
+}
+
+/// Adds pairs as contacts.
+pub(crate) fn join(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    joining: &[NearPair],
+) -> Result<(), Failure> {
+    let (contacts, walls, linear) = (&mut scratch.contacts, &scratch.walls, &scratch.linear);
     let smooth = |body: u32| match linear.get(body as usize) {
         Some(p) => state.position[body as usize] + p.displacement,
         None => DVec3::ZERO,
@@ -100,9 +129,7 @@ fn join_overlapping(
         c.gap_check = proximity(model, walls, &c, smooth(c.a), smooth(c.b)).gap;
         Ok(c)
     };
-    merge(contacts, &joining, joined)?;
-    start_over(model, state, scratch);
-    Ok(true)
+    merge(contacts, joining, joined)
 }
 
 /// Where bodies are: state, walls, places of centres, and the gap over the radius below which pairs are near.

@@ -4,7 +4,7 @@
 //! step that fails leaves it as it was. `docs/theory/algorithm.md` states each phase.
 
 use crate::all_islands;
-use crate::candidates::{list, meet};
+use crate::candidates::{list, meet, NearPair};
 use crate::clump;
 use crate::cohesion;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
@@ -15,14 +15,14 @@ use crate::level::{smooth, Demand, Task};
 use crate::loads_once;
 use crate::model::Model;
 use crate::outcome::{Failure, Level};
-use crate::relist::{relist, start_over};
+use crate::relist::{join, relist, start_over, Relisted};
 use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::method::Step;
 use crate::stepper::{Prediction, Span};
 use crate::timers::Phase;
-use crate::wall::places::proximity_at;
+use crate::wall::places::{proximity_at, Walls};
 use crate::{pile, travel};
 use carom_solve::team;
 use glam::DVec3;
@@ -149,11 +149,14 @@ fn correct_positions(on: &mut Step) -> Result<(), Failure> {
         solve_positions(on, demand)?;
         on.report.sweeps_position += earlier;
         place(model, on.state, on.scratch);
-        let joined = relist(model, on.state, on.scratch)?;
-        if !joined {
+        let relisted = relist(model, on.state, on.scratch)?;
+        on.report.relisted += u32::from(matches!(relisted, Relisted::Joined));
+        if let Relisted::Touching(pairs) = relisted {
             // What was solved roughly is done once more, now that all pairs are there.
             let (contacts, islands) = (&on.scratch.contacts, &on.scratch.islands);
             if demand != Demand::Rough || !pile::is_left_rough(model, contacts, islands) {
+                on.report.candidates = contacts.len() as u32;
+                join_touching(model, on.state, on.scratch, &pairs)?;
                 break;
             }
             demand = strict;
@@ -162,9 +165,7 @@ fn correct_positions(on: &mut Step) -> Result<(), Failure> {
         if round == MAX_RELIST {
             return Err(Failure::NotConverged(Level::Position));
         }
-        on.report.relisted += u32::from(joined);
     }
-    on.report.candidates = on.scratch.contacts.len() as u32;
     on.scratch.end_level();
     Ok(())
 }
@@ -218,15 +219,42 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
     clump::follow(model, state, scratch, false);
     let (walls, position) = (&scratch.walls, &scratch.position);
     team::each(threads, &mut scratch.contacts, |c| {
-        let p = proximity_at(model, walls, c, position);
-        c.gap = p.gap;
-        c.n1 = p.normal;
-        c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
-        if once {
-            c.closed |= c.load[0] > 0.0;
-            c.turn_to(p.normal);
-        }
+        place_contact(model, walls, position, c);
     });
+}
+
+/// A contact at the corrected positions, and whether it is in A.
+fn place_contact(model: &Model, walls: &Walls, position: &[DVec3], c: &mut Contact) {
+    let p = proximity_at(model, walls, c, position);
+    c.gap = p.gap;
+    c.n1 = p.normal;
+    c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
+    if model.options.loads_once() {
+        c.closed |= c.load[0] > 0.0;
+        c.turn_to(p.normal);
+    }
+}
+
+/// Pairs that positions have brought to touch, and no more: there is nothing to correct, but they are in A. The third ball of a rod is so that two
+/// others lay on the floor.
+fn join_touching(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    pairs: &[NearPair],
+) -> Result<(), Failure> {
+    if pairs.is_empty() {
+        return Ok(());
+    }
+    join(model, state, scratch, pairs)?;
+    let (walls, position) = (&scratch.walls, &scratch.position);
+    for near in pairs {
+        let found = (scratch.contacts).binary_search_by_key(&near.pair, |c| (c.a, c.b));
+        if let Ok(slot) = found {
+            place_contact(model, walls, position, &mut scratch.contacts[slot]);
+        }
+    }
+    Ok(())
 }
 
 /// Step 3: velocity corrections by the impact law, island by island of closed contacts.
