@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.audit import carried, flights, forces, groups, hits, rigid
+from carom.audit import carried, flights, forces, gaps, groups, hits, rigid
 from carom.audit.block import Block, Rows, once
 from carom.audit.loads import solved_again
 from carom.audit.motion import CONTACTS, RECORD, largest, rounding
@@ -167,11 +167,14 @@ class _Clump:
         return np.maximum(np.abs(norm(before) - size), beyond)
 
     def _corrected(self) -> F64:
-        """(B,) by how much corrections of positions may turn it at most, rad."""
+        """(B,) by how much corrections of positions may turn it at most, rad.
+
+        Those may take back what loads have turned it by, too, of which nothing is left on record: about that of its own.
+        """
         s, clump = self.sums, self.clump
-        turned = clump.reach * (
-            s.shift_size[:, clump.first] + _by_loads(self.block)[:, clump.balls].sum(axis=1)
-        )
+        own = self.block.run.h * clump.mass * gaps.fall(self.block)[:, clump.balls].max(axis=1)
+        by_loads = _by_loads(self.block)[:, clump.balls].sum(axis=1)
+        turned = clump.reach * (s.shift_size[:, clump.first] + by_loads + own)
         angle = (turned + self._of_balls(norm(s.shift_moments[0]))) / clump.inertia.min()
         return np.where(self.touched, angle, 0.0)
 

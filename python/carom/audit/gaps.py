@@ -104,8 +104,8 @@ def complementarity(block: Block, tally: Tally) -> None:
     ):  # loads press where the contact opens by less than they may bring back; positions keep the gap
         of_contacts = forces.of_contacts(block)
         moved = 0.5 * run.h * forces.pushes(block)[0] + of_contacts.shift_size
-        fall = np.concatenate([_load(block), _walls(block)], axis=1).max(axis=1)
-        reach = forces.together(block, moved / run.mass) + 2.0 * run.h * fall[c.k]
+        fallen = np.concatenate([fall(block), _walls(block)], axis=1).max(axis=1)
+        reach = forces.together(block, moved / run.mass) + 2.0 * run.h * fallen[c.k]
         # What an impact has taken all impulses from pushes no more.
         reach[norm(c.impulse) == 0.0] = np.inf
         bound = bound + np.where(
@@ -187,7 +187,7 @@ def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_islan
     the largest speed.
     """
     run, t = block.run, block.run.loosest
-    bodies, walls = _load(block), _walls(block)
+    bodies, walls = fall(block), _walls(block)
     every = np.concatenate([bodies, walls], axis=1)
     own, all_of = np.maximum(bodies[k, a], every[k, run.given(b)]), every.max(axis=1)[k]
     image = block.image(k, a, b)
@@ -214,7 +214,7 @@ def _fastest(block: Block) -> F64:
     return np.asarray(found)
 
 
-def _load(block: Block) -> F64:
+def fall(block: Block) -> F64:
     """(B, N) speed that weight and other loads give each body in a step, m/s."""
     run = block.run
     weight = np.full((block.count, run.bodies), float(norm(run.gravity)) * run.h)

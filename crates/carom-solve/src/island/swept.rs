@@ -6,11 +6,7 @@
 
 use crate::cone::{self, Block, MAX_ROWS};
 use crate::rows::{RowContact, RowSystem};
-
-/// The momentum is dropped where a sweep changes so much more (1, in the square) than the last one, and grows by `k / (k + RAMP)`: as in
-/// `spheres::accelerate`.
-const GROWTH: f64 = 1.1;
-const RAMP: f64 = 3.0;
+use crate::spheres::{GROWTH, RAMP};
 
 /// Workspace.
 #[derive(Default)]

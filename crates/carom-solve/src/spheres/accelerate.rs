@@ -23,9 +23,9 @@ use std::sync::Mutex;
 
 /// A sweep may change so much more than the last one, in the square, before the momentum is dropped: single contacts that open or
 /// begin to slide are no reason. (Of 1, 1.04, 1.1, 1.3 and 2 the one with the fewest sweeps in piles of 1000.)
-const GROWTH: f64 = 1.1;
+pub(crate) const GROWTH: f64 = 1.1;
 /// `beta = k / (k + RAMP)`.
-const RAMP: f64 = 3.0;
+pub(crate) const RAMP: f64 = 3.0;
 
 /// Age of the momentum of the first sweep: there is nothing to go on from.
 const NEW: u64 = 0;

@@ -29,6 +29,7 @@ mod settle;
 mod sweeps;
 mod vectors;
 
+pub(crate) use accelerate::{GROWTH, RAMP};
 pub use goal::{Goal, Norms, Progress};
 pub use lanes::Instructions;
 pub(crate) use lanes::{Lanes, Work};
