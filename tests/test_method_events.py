@@ -102,6 +102,29 @@ def test_balls_that_press_one_another_are_stepped_and_said_so(tmp_path: Path) ->
         assert off < 1e-4, name
 
 
+def test_balls_that_come_to_rest_against_one_another_press_no_more() -> None:
+    moves = {"a": (6.7e-5, -2.2e-5, 0), "b": (-9.9e-5, -3.3e-5, 0)}
+    scene = carom.Scene(gravity=(0, 0, -G), run={"method": "events", "until": 3.0, "step": 3.0})
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.contact("ball", "ball", friction=0.06, restitution=0.0)
+    scene.contact("ball", "bed", friction=MU, restitution=0.5, rolling_radius=3e-4)
+    for side, (name, v) in zip((-R, R), moves.items(), strict=True):
+        spin = np.cross((0, 0, 1 / R), v)
+        scene.sphere(
+            name,
+            radius=R,
+            mass=0.17,
+            position=(side, 0, R),
+            velocity=v,
+            angular_velocity=spin,
+            material="ball",
+        )
+    result = carom.simulate(scene)
+    assert result.summary["handovers"] == 1
+    assert result.summary["stepped"] < 0.05  # rolling resistance, which stops them, also holds them together
+    assert not result.velocity[-1].any()
+
+
 def test_transitions_are_those_of_the_closed_form() -> None:
     result = carom.simulate(shot(until=0.5, step=0.5))
     rows = result.transitions.between("cue")

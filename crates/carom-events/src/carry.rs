@@ -83,7 +83,7 @@ impl Run<'_> {
         })
     }
 
-    fn nothing(&self, r: f64) -> crate::meet::Nothing {
+    pub fn nothing(&self, r: f64) -> crate::meet::Nothing {
         crate::foresee::nothing(self.model, self.fastest, r)
     }
 

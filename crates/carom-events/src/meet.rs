@@ -132,6 +132,8 @@ fn first_close<const N: usize>(
         true => match opened(f, off, nothing) {
             Ok(rest) => rest,
             Err(Meeting::Closer(t)) if t > end => return Meeting::Never,
+            // What moves so shortly comes to rest.
+            Err(Meeting::Pressed) if end <= nothing.flight => return Meeting::Never,
             Err(meeting) => return meeting,
         },
         false => f,
