@@ -122,34 +122,7 @@ impl Part {
             terms[k + 1] = next.map(|d| unit * d);
             rest = -terms[k + 1][1];
         }
-        // Speeds, and what is off by a speed over the rates: products of series that fall fast, which fall slower than these.
-        let by = (a + b + c) / speed;
-        let holds = |k: usize| {
-            let d = &terms[k];
-            let sizes = [
-                d[4],
-                d[5],
-                p * d[2],
-                p * d[3],
-                s * d[6],
-                s * d[7],
-                by * d[10],
-                by * d[11],
-            ];
-            let share = (s / (s + p)).min(p / (s + p));
-            let own = [
-                d[1] / share,
-                d[2],
-                d[3] / first[3],
-                d[4] / s,
-                d[5] / p,
-                d[6],
-                d[7],
-            ];
-            let most = |sizes: &[f64]| sizes.iter().fold(0.0, |most, d| f64::max(most, d.abs()));
-            let within = (LAST * speed / most(&sizes)).min(LAST_OWN / most(&own));
-            within.powf(1.0 / k as f64)
-        };
+        let holds = |k: usize| holds(&terms, k, speed, (a + b + c) / speed);
         let end = holds(TERMS - 1).min(holds(TERMS - 2)).min(holds(TERMS - 3));
         let mut part = Part {
             terms,
@@ -201,4 +174,34 @@ impl Part {
         }
         t
     }
+}
+
+/// Up to which moment of its own time a series holds by its term `k`. `by`: rates over the speed to which errors are compared.
+fn holds(terms: &[Values; TERMS], k: usize, speed: f64, by: f64) -> f64 {
+    let (first, d) = (&terms[0], &terms[k]);
+    let [_, _, _, _, s, p, ..] = *first;
+    // Speeds, and what is off by a speed over the rates: products of series that fall fast, which fall slower than these.
+    let sizes = [
+        d[4],
+        d[5],
+        p * d[2],
+        p * d[3],
+        s * d[6],
+        s * d[7],
+        by * d[10],
+        by * d[11],
+    ];
+    let share = (s / (s + p)).min(p / (s + p));
+    let own = [
+        d[1] / share,
+        d[2],
+        d[3] / first[3],
+        d[4] / s,
+        d[5] / p,
+        d[6],
+        d[7],
+    ];
+    let most = |sizes: &[f64]| sizes.iter().fold(0.0, |most, d| f64::max(most, d.abs()));
+    let within = (LAST * speed / most(&sizes)).min(LAST_OWN / most(&own));
+    within.powf(1.0 / k as f64)
 }

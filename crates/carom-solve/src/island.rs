@@ -40,13 +40,18 @@ pub struct NewtonOptions {
     pub proximal_shift: f64,
     /// Step-length reductions per iteration; 0 switches the line search off.
     pub max_line_search: u32,
-    /// Gauss-Seidel sweeps before the last restart.
-    pub sweeps: u32,
-    /// Large islands may be swept, where the tolerance is coarse.
-    pub may_sweep: bool,
     /// Up to this many contacts: dense matrix with the exact Hessian.
     pub dense_contacts: usize,
-    /// What nothing else solves is solved by its convex companion, with this share of the friction.
+    pub beside: Beside,
+}
+
+/// Rungs of [`ISLAND`] that may be climbed beside Newton's method.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Beside {
+    /// Sweeps, where the island is large and the tolerance coarse.
+    pub sweeps: bool,
+    pub linearised: bool,
+    /// The convex companion, with this share of the friction.
     pub companion: Option<f64>,
 }
 
@@ -115,7 +120,7 @@ impl<P> Island<'_, P> {
     fn is_coarse(&self) -> bool {
         let (options, contacts) = (self.options, &self.system.contacts);
         let coarse = self.is_large() && options.tolerance >= COARSE_TOLERANCE;
-        coarse && options.may_sweep && contacts.iter().all(|c| !c.bilateral)
+        coarse && options.beside.sweeps && contacts.iter().all(|c| !c.bilateral)
     }
 
     /// Relative residual of eq. 44.
@@ -151,7 +156,6 @@ impl Newton {
         lambda: &mut [f64],
         u: &mut [f64],
     ) -> SolveReport {
-        let swept = options.sweeps > 0;
         let mut on = Island {
             system,
             problem,
@@ -171,8 +175,8 @@ impl Newton {
                 && match rung.when {
                     IslandWhen::Coarse => on.is_coarse(),
                     IslandWhen::Always => true,
-                    IslandWhen::Swept => swept,
-                    IslandWhen::Last => options.companion.is_some(),
+                    IslandWhen::Linearised => options.beside.linearised,
+                    IslandWhen::Last => options.beside.companion.is_some(),
                 };
             if !fits {
                 continue;
@@ -297,11 +301,11 @@ impl Newton {
             report: SolveReport::default(),
             best: f64::INFINITY,
             since_better: 0,
-            may_give_up: options.sweeps > 0 && !held && uneven,
+            may_give_up: options.beside.linearised && !held && uneven,
         };
         let [mut iterations, line_search] = steps.iterate(&mut run, x, &rule);
         // Not where Newton's method alone is asked for: its iterations are the paper's then.
-        let coarse = run.report.residual > FINE && options.companion.is_some();
+        let coarse = run.report.residual > FINE && options.beside.companion.is_some();
         if run.report.converged && coarse && iterations > 0 {
             iterations += u32::from(run.refine(x, rule.shift * rule.shift_floor));
         }

@@ -22,6 +22,6 @@ pub mod spheres;
 pub mod team;
 
 pub use cone::{Bounds, Status};
-pub use island::{Newton, NewtonOptions};
+pub use island::{Beside, Newton, NewtonOptions};
 pub use report::SolveReport;
 pub use rows::{RowSystem, Subproblem};

@@ -264,7 +264,6 @@ fn failure_is_reported() {
     let hopeless = NewtonOptions {
         tolerance: 1e-300,
         floor: 1e-300,
-        sweeps: 1,
         ..sharp()
     };
     let s = solve(&mut system, &mut problem, &hopeless);

@@ -3,14 +3,17 @@
 mod common;
 
 use carom_solve::rows::{Linear, RowSystem, Subproblem};
-use carom_solve::NewtonOptions;
+use carom_solve::{Beside, NewtonOptions};
 use common::{bounds, cross, heap, sharp, solve, violation, Rng, Solved};
 
 /// The finest options with which large islands are swept.
 fn coarse() -> NewtonOptions {
     NewtonOptions {
         tolerance: 1e-5,
-        may_sweep: true,
+        beside: Beside {
+            sweeps: true,
+            ..sharp().beside
+        },
         ..sharp()
     }
 }

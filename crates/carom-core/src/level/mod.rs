@@ -20,7 +20,7 @@ use crate::outcome::Level;
 use crate::state::State;
 use crate::stepper::Span;
 use carom_solve::single::SingleContact;
-use carom_solve::{NewtonOptions, RowSystem};
+use carom_solve::{Beside, NewtonOptions, RowSystem};
 
 /// Share (1) of its friction that a companion of positions has. At 0 bounds would be other rows; larger, what slides is lifted by mu times its slip.
 const LITTLE_FRICTION: f64 = 1e-6;
@@ -97,10 +97,12 @@ pub(crate) fn newton_options(
         } else {
             0
         },
-        sweeps: options.gauss_seidel_sweeps,
-        may_sweep: companion(options, position).is_some() && !options.is_printed(),
         dense_contacts: options.dense_contacts as usize,
-        companion: companion(options, position),
+        beside: Beside {
+            sweeps: companion(options, position).is_some() && !options.is_printed(),
+            linearised: options.gauss_seidel_sweeps > 0,
+            companion: companion(options, position),
+        },
     }
 }
 

@@ -165,11 +165,7 @@ fn find(
     u.clear();
     u.resize(NODE_DOF * bodies.len(), 0.0);
     let centres: Vec<DVec3> = bodies.iter().map(|&b| position[b as usize]).collect();
-    let of_loads = if model.options.is_printed() {
-        Vec::new()
-    } else {
-        start_from_loads(contacts, island, span, system, lambda)
-    };
+    let of_loads = start_from_loads(model, contacts, island, span, (system, lambda));
     let groups = island.contacts.len() + island.joints.len();
     let options = options(model, bodies, &centres, groups);
     let mut measures = Positions {
@@ -216,14 +212,17 @@ fn motion(
     motions.collect()
 }
 
-/// Starts from what the loads have moved along normals, which the correction counts from: empty where that is nothing.
+/// Starts from what the loads have moved along normals, which the correction counts from: empty where that is nothing, and as printed.
 fn start_from_loads(
+    model: &Model,
     contacts: &[Contact],
     island: Island,
     span: Span,
-    system: &mut RowSystem,
-    lambda: &mut [f64],
+    (system, lambda): (&mut RowSystem, &mut [f64]),
 ) -> Vec<f64> {
+    if model.options.is_printed() {
+        return Vec::new();
+    }
     let of_load = |&m: &u32| contacts[m as usize].of_load(span.h);
     let of_loads: Vec<f64> = island.contacts.iter().map(of_load).collect();
     lambda[..of_loads.len()].copy_from_slice(&of_loads);

@@ -29,7 +29,7 @@ impl Newton {
         let mut total = SolveReport::default();
         self.set_penalty(on.system, on.options.penalty_scale);
         let rows = on.system.rows();
-        let Some(friction) = on.options.companion else {
+        let Some(friction) = on.options.beside.companion else {
             return total;
         };
         let (mut closes, mut settled) = (false, true);

@@ -2,7 +2,7 @@
 #![allow(dead_code)] // each test file uses its part
 
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF, WORLD};
-use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport};
+use carom_solve::{Beside, Bounds, Newton, NewtonOptions, SolveReport};
 
 /// SplitMix64: the same numbers on every machine.
 pub struct Rng(pub u64);
@@ -201,10 +201,11 @@ pub fn sharp() -> NewtonOptions {
         penalty_scale: 0.5,
         proximal_shift: 1e-4,
         max_line_search: 10,
-        sweeps: 15,
         dense_contacts: 10,
-        companion: None,
-        may_sweep: false,
+        beside: Beside {
+            linearised: true,
+            ..Beside::default()
+        },
     }
 }
 

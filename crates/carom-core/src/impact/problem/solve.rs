@@ -14,7 +14,7 @@ use crate::outcome::Level;
 use crate::problem::Solve;
 use crate::rows::along;
 use carom_solve::rows::{Measured, RowContact, Subproblem, NODE_DOF};
-use carom_solve::NewtonOptions;
+use carom_solve::{Beside, NewtonOptions};
 use glam::DVec3;
 use std::mem::take;
 
@@ -333,8 +333,8 @@ impl ImpactScratch {
             // From a solution, by Newton's method alone.
             options.tolerance *= self.fineness;
             options.floor *= self.fineness;
-            (options.companion, options.may_sweep) = (None, false);
-            (options.max_iterations, options.sweeps) = (FINER_ITERATIONS, 0);
+            options.max_iterations = FINER_ITERATIONS;
+            options.beside = Beside::default();
         }
         options
     }
