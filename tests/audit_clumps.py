@@ -1,4 +1,5 @@
-"""Random scenes for the auditor: clumps of one to five balls beside free balls, on a floor and between walls.
+"""Random scenes for the auditor: clumps of one to five balls beside free balls, on a floor and between walls, some of
+which leave by an outlet.
 
 python tests/audit_clumps.py 200       # simulates and judges 200 scenes, and says which were found at fault
 python tests/audit_clumps.py 1 37      # the scene of seed 37 alone, and the report on it
@@ -73,6 +74,7 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
                        **heavy, **common)  # fmt: skip
         else:
             made.sphere(f"b{k}", radius=R * rng.uniform(0.5, 1.0), density=2500, **common)
+    _outlet(made, np.random.default_rng([seed, 72]))
     options: dict[str, Any] = {
         "step": one(2e-3, 1e-3, 1e-3, 5e-4),
         "every": one(1, 1, 1, 10),
@@ -81,6 +83,19 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         "impact": one("sequence", "sequence", "sequence", "one-shot", "poisson"),
     }
     return made, options
+
+
+def _outlet(made: carom.Scene, rng: np.random.Generator) -> None:
+    """In two scenes of five: what comes near the floor leaves, or what gets out of the middle, or to one side."""
+    far, near = 9.0, float(rng.uniform(0.4, 1.5)) * R
+    boxes = [
+        ((-far, -far, -far), (far, far, near), True),
+        ((-far, -far, 0.5 * R), (far, far, 2.0 * ROOM), False),
+        ((0.7 * ROOM, -far, -far), (far, far, far), True),
+    ]
+    low, high, inside = boxes[rng.integers(len(boxes))]
+    if rng.random() < 0.4:
+        made.outlet(low=low, high=high, inside=inside)
 
 
 if __name__ == "__main__":

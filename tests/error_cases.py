@@ -74,7 +74,6 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("drag", RIGID + '[[drag]]\non = "cue"\ntranslation = 1.0\n'),
         ("load_function", RIGID + '[[load_function]]\nname = "f"\n'),
         ("inflow", RIGID + INFLOW + FAR),
-        ("outlet", RIGID + "[[outlet]]\nlow = [9,9,9]\nhigh = [10,10,10]\n"),
     ],
     "cohesion does not act in a scene with clumps yet": [
         (

@@ -78,8 +78,10 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
             return Err(entry("outlet", index, "box", text));
         }
     }
-    let mut stay = vec![false; if input.outlet.is_empty() { 0 } else { n }];
-    for body in held_bodies(input) {
+    let bodies = n + input.clumps.len();
+    let mut stay = vec![false; if input.outlet.is_empty() { 0 } else { bodies }];
+    let of_clumps = input.clumps.iter().flat_map(|c| c.balls.clone());
+    for body in held_bodies(input).chain(of_clumps.map(|ball| ball as u32)) {
         if let Some(stays) = stay.get_mut(body as usize) {
             *stays = true;
         }
