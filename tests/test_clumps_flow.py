@@ -1,4 +1,4 @@
-"""Clumps leave by outlets: as whole bodies, by their centres of mass, with all that they have."""
+"""Clumps leave by outlets: as whole bodies, by their centres of mass, with all that they have. Balls enter beside them."""
 
 from __future__ import annotations
 
@@ -201,6 +201,27 @@ def test_a_run_that_is_watched_has_no_place_of_what_has_left() -> None:
     assert seen[0][0] == 0.0
     assert np.isnan(seen[-1][0])
     assert seen[-1][1] == pytest.approx(0.5 * scene.spheres[0].mass_kg() * (G * 0.06) ** 2, rel=0.05)
+
+
+def test_balls_that_enter_meet_clumps(tmp_path: Path) -> None:
+    """Balls rain on a rod that lies on a floor: none enters in it, and a resumed run is the same."""
+    scene = empty(restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="grain")
+    scene.clump("rod", spheres=[[-6 * R, 0, 0, R], [0, 0, 0, R], [6 * R, 0, 0, R]], material="grain", density=2500,
+                position=(0, 0, R))  # fmt: skip
+    scene.inflow("rain", count=30, radius=R, density=2500, material="grain", seed=3, rate=200.0,
+                 region={"low": (-6 * R, -2 * R, R), "high": (6 * R, 2 * R, 8 * R)})  # fmt: skip
+    scene.outlet(low=(-FAR, -FAR, -FAR), high=(FAR, FAR, FAR / 2), inside=False)
+    options: dict[str, Any] = {"step": 1e-3, "every": 1}
+    result = carom.simulate(scene, until=0.3, **options)
+    assert result.steps.entered.sum() + sum(result.events.step == 0) == 30
+    assert result.steps.penetration_relative.max() < 1e-3
+    assert len(np.unique(result.impacts.body[np.isin(result.impacts.body[:, 0], [0, 1, 2])])) > 3
+    assert audit.check(result).ok
+    carom.simulate(scene, until=0.1, out=tmp_path / "run", **options)
+    resumed = carom.resume(tmp_path / "run", until=0.3)
+    np.testing.assert_array_equal(resumed.position, result.position)
+    np.testing.assert_array_equal(resumed.clumps["rod"].orientation, result.clumps["rod"].orientation)
 
 
 @pytest.fixture(scope="module")

@@ -443,3 +443,33 @@ fn a_state_has_a_clump_with_all_its_balls_or_none_of_it() {
     (state.present[0], state.present[3]) = (false, false);
     assert!(state.check(&model).is_ok());
 }
+
+#[test]
+fn balls_enter_around_a_clump_and_none_of_its_own() {
+    // A rod lies in the region, and stays there.
+    let mut at = vec![[0.0, -R, 0.5], [0.0, R, 0.5], [0.5, 0.0, 2.0]];
+    at.extend([[0.0, 0.0, 0.5]; 40]);
+    let mut input = balls(&at, &[]);
+    input.laws = vec![(0, 0, [0.4, 0.3, 0.0, 0.0, 0.0])];
+    input.clumps = falling_rod().clumps;
+    input.clumps[0].position[2] = 0.5;
+    input.clumps[0].angular_velocity = [0.0; 3];
+    input.inflow = vec![Inflow {
+        velocity: DVec3::ZERO,
+        spread: 0.0,
+        ..inflow(3, 40)
+    }];
+    let mut s = simulation(&input, options(Method::Nsga));
+    assert!(s.monitors.entered > 10);
+    let least = |s: &Simulation, i: usize| {
+        let to = |ball: usize| (s.state.position[i] - s.state.position[ball]).length();
+        to(0).min(to(1))
+    };
+    for i in (3..43).filter(|&i| s.state.present[i]) {
+        assert!(least(&s, i) >= 2.0 * R);
+    }
+    assert!(advance(&mut s, 20).is_none());
+    input.inflow[0].first = 1;
+    let told = compile(&input, options(Method::Nsga)).unwrap_err();
+    assert!(told.to_string().contains("balls of a clump"), "{told}");
+}

@@ -111,7 +111,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     sums over the step are all of its end: surely those of groups of more contacts than islands have that are no piles.
     """
     run = block.run
-    last = np.zeros(len(r), dtype=np.int64)
+    last = np.zeros(group.max(initial=-1) + 1, dtype=np.int64)
     np.maximum.at(last, group, r.problem)
     # Piles have neither joints nor loads that depend on the motion; which islands have clumps is not recorded.
     tied = groups.held(block)[r.k, r.a] if run.has_contacts else run.answering.any()

@@ -29,6 +29,10 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
         if taken[first..end].iter().any(|&t| t) {
             return refuse("bodies", "are those of another inflow too".to_owned());
         }
+        let mut of_clumps = input.clumps.iter().map(|c| &c.balls);
+        if of_clumps.any(|balls| balls.start < end && first < balls.end) {
+            return refuse("bodies", "are balls of a clump too".to_owned());
+        }
         taken[first..end].fill(true);
         let fits = match flow.region {
             Region::Box { low, high } => low.cmple(high).all(),
