@@ -16,14 +16,14 @@ def empty(gravity: float = G, friction: float = 0.3, restitution: float = 0.3) -
     return scene
 
 
-def colliding() -> carom.Scene:
-    """Rods in free space that collide in a box, which they leave."""
-    scene, rng = empty(gravity=0.0, restitution=0.7), np.random.default_rng(5)
-    rods = scene.clump_packing("rod", spheres=ROD, material="grain", density=2500, seed=3, count=12,
-                               low=(-0.03, -0.03, -0.03), high=(0.03, 0.03, 0.03))  # fmt: skip
+def colliding(count: int = 12, half: float = 0.03) -> carom.Scene:
+    """Rods in free space that collide in the middle of a box, m, and leave one that is a little larger."""
+    scene, rng, out = empty(gravity=0.0, restitution=0.7), np.random.default_rng(5), half + 0.01
+    rods = scene.clump_packing("rod", spheres=ROD, material="grain", density=2500, seed=3, count=count,
+                               low=(-half, -half, -half), high=(half, half, half))  # fmt: skip
     for rod in rods:
         rod.velocity = (-20 * np.array(rod.position) + rng.uniform(-0.2, 0.2, 3)).tolist()
-    scene.outlet(low=(-0.04, -0.04, -0.04), high=(0.04, 0.04, 0.04), inside=False)
+    scene.outlet(low=(-out, -out, -out), high=(out, out, out), inside=False)
     return scene
 
 
