@@ -1,4 +1,5 @@
-"""Random scenes for the auditor: clumps of one to five balls beside free balls, on a floor and between walls.
+"""Random scenes for the auditor: clumps of one to five balls beside free balls, on a floor and between walls, some of
+which leave, or enter.
 
 python tests/audit_clumps.py 200       # simulates and judges 200 scenes, and says which were found at fault
 python tests/audit_clumps.py 1 37      # the scene of seed 37 alone, and the report on it
@@ -73,6 +74,7 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
                        **heavy, **common)  # fmt: skip
         else:
             made.sphere(f"b{k}", radius=R * rng.uniform(0.5, 1.0), density=2500, **common)
+    _flow(made, seed)
     options: dict[str, Any] = {
         "step": one(2e-3, 1e-3, 1e-3, 5e-4),
         "every": one(1, 1, 1, 10),
@@ -81,6 +83,26 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         "impact": one("sequence", "sequence", "sequence", "one-shot", "poisson"),
     }
     return made, options
+
+
+def _flow(made: carom.Scene, seed: int) -> None:
+    """In two scenes of five what comes near the floor leaves, or what gets out of the middle, or to one side; in one of five
+    balls enter.
+    """
+    rng = np.random.default_rng([seed, 72])
+    far, near = 9.0, float(rng.uniform(0.4, 1.5)) * R
+    boxes = [
+        ((-far, -far, -far), (far, far, near), True),
+        ((-far, -far, 0.5 * R), (far, far, 4.0 * ROOM), False),
+        ((0.7 * ROOM, -far, -far), (far, far, far), True),
+    ]
+    low, high, inside = boxes[rng.integers(len(boxes))]
+    if rng.random() < 0.4:
+        made.outlet(low=low, high=high, inside=inside)
+    if rng.random() < 0.2:
+        region = {"low": (0.2 * ROOM, 0.2 * ROOM, 2.0 * ROOM), "high": (0.6 * ROOM, 0.8 * ROOM, 3.0 * ROOM)}
+        made.inflow("in", count=4, region=region, material="grain", seed=int(seed), radius=0.6 * R, density=2500, rate=40.0,
+                    velocity=(0, 0, -0.3), spread=0.1)  # fmt: skip
 
 
 if __name__ == "__main__":

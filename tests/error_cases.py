@@ -73,8 +73,6 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("spring", RIGID + '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\n'),
         ("drag", RIGID + '[[drag]]\non = "cue"\ntranslation = 1.0\n'),
         ("load_function", RIGID + '[[load_function]]\nname = "f"\n'),
-        ("inflow", RIGID + INFLOW + FAR),
-        ("outlet", RIGID + "[[outlet]]\nlow = [9,9,9]\nhigh = [10,10,10]\n"),
     ],
     "cohesion does not act in a scene with clumps yet": [
         (

@@ -8,6 +8,7 @@ from typing import Any
 
 import carom
 from carom.cli.examples import find
+from clump_scenes import hopper
 
 G = (0.0, 0.0, -9.8)
 R = 0.01
@@ -101,9 +102,14 @@ def penalty() -> carom.Scene:
     return grains((3, 2, 2), run, every=2, checkpoint_steps=40)
 
 
+def clumps() -> carom.Scene:
+    """Rods leave a hopper."""
+    return hopper().with_options(step=1e-3, until=0.6, every=2, checkpoint_steps=50, pile_tolerance=1e-4)
+
+
 SCENES: dict[str, Callable[[], carom.Scene]] = {
     scene.__name__: scene
-    for scene in (two_balls, billiard_break, pile, joints, walls, inflow, moreau, penalty)
+    for scene in (two_balls, billiard_break, pile, joints, walls, inflow, moreau, penalty, clumps)
 }
 
 

@@ -460,6 +460,25 @@ def test_a_spring_at_the_ground_is_judged_where_the_first_ball_has_left(tmp_path
     assert report["momentum"].judged
 
 
+def test_a_ball_that_leaves_while_it_touches_another(tmp_path: Path) -> None:
+    """The contact was held against the place of a ball that has none. The energies that are left of a sum with one that left
+    have the rounding of that sum. Numbers of groups of impacts had no room where the first group had left.
+    """
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("m", "m", friction=0.3, restitution=0.3)
+    scene.plane("floor", point=(0.2, 0, 0), normal=(0, 0, 1), material="m")
+    scene.sphere("a", radius=0.01, density=2500, material="m", position=(0, 0, 0.1))
+    scene.sphere("b", radius=0.01, density=2500, material="m", position=(0, 0.001, 0.12), velocity=(0, 0, -1))
+    scene.sphere("c", radius=0.01, density=2500, material="m", position=(0.2, 0, 0.01))
+    scene.sphere("d", radius=0.01, density=2500, material="m", position=(0.3, 0, 0.013))
+    scene.outlet(low=(-0.1, -1, -9), high=(0.1, 1, 0.0999))
+    path = scenes.run(scene, tmp_path / "two", 0.05)
+    result = carom.load(path)
+    assert set(result.events.step[:].tolist()) & set(result.impacts.step[:].tolist())
+    report = audit.check(path)
+    assert report.ok, repr(report)
+
+
 @pytest.mark.parametrize(("drag", "friction"), [(0.05, 0.1), (0.005, 0.1), (0.5, 0.1), (0.05, 0.0)])
 def test_a_ball_that_slides_and_rolls_with_drag_is_clean(
     drag: float, friction: float, tmp_path: Path

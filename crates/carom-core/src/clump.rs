@@ -19,6 +19,15 @@ use glam::DVec3;
 /// Turn of a clump in a step (rad) from which on its balls may pass others within it: the step is divided. Larger: they do.
 const TOO_FAR: f64 = 1.0;
 
+/// The clumps that are there: number among them, body, and what it is.
+fn present<'a>(
+    model: &'a Model,
+    state: &'a State,
+) -> impl Iterator<Item = (usize, usize, &'a Clump)> {
+    let all = model.numbered_clumps().enumerate();
+    all.filter_map(|(number, (i, clump))| state.present[i].then_some((number, i, clump)))
+}
+
 /// The motion of clumps without contacts, once their centres have it, and of their balls. Fails if one turns too far in the step.
 pub(crate) fn predict(
     model: &Model,
@@ -26,7 +35,7 @@ pub(crate) fn predict(
     scratch: &mut Scratch,
     h: f64,
 ) -> Result<(), Failure> {
-    for (i, clump) in model.numbered_clumps() {
+    for (_, i, clump) in present(model, state) {
         let (q, w) = (state.orientation[i], state.angular_velocity[i]);
         let momentum = clump.momentum(q, w);
         let to = clump.free_turn(q, momentum, h);
@@ -53,7 +62,7 @@ pub(crate) fn predict(
         }
     }
     place(model, state, scratch, |_| [DVec3::ZERO; 2]);
-    for (i, clump) in model.numbered_clumps() {
+    for (_, i, clump) in present(model, state) {
         for ball in clump.balls.clone() {
             scratch.linear[ball].displacement = scratch.position[ball] - state.position[ball];
         }
@@ -66,7 +75,7 @@ pub(crate) fn predict(
 
 /// Puts clumps where their centres are and turns them; `moved` are the corrections of both since the smooth step. Their balls follow.
 fn place(model: &Model, state: &State, scratch: &mut Scratch, moved: impl Fn(usize) -> [DVec3; 2]) {
-    for (number, (i, clump)) in model.numbered_clumps().enumerate() {
+    for (number, i, clump) in present(model, state) {
         let turn = scratch.angular[i].displacement + moved(i)[1];
         let q = advance(turn, state.orientation[i]);
         scratch.clumps.put(clump, number, [state.orientation[i], q]);
@@ -87,7 +96,7 @@ pub(crate) fn follow(model: &Model, state: &State, scratch: &mut Scratch, of_loa
         let clumps = &mut scratch.clumps;
         clumps.by_loads.clone_from(&clumps.orientation);
     }
-    for (i, clump) in model.numbered_clumps() {
+    for (_, i, clump) in present(model, state) {
         for ball in clump.balls.clone() {
             let smooth = state.position[ball] + scratch.linear[ball].displacement;
             shift[ball] = [scratch.position[ball] - smooth, shift[i][1]];
@@ -114,7 +123,7 @@ pub(crate) fn turn_back(model: &Model, state: &State, scratch: &mut Scratch) {
 /// Velocities before impacts, of clumps that have been turned since the smooth step. While loads turn them the angular momentum stays. What corrects
 /// positions takes their angular velocity along with the body: it would give them energy, or a spin that no force makes.
 pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratch) {
-    for (number, (i, clump)) in model.numbered_clumps().enumerate() {
+    for (number, i, clump) in present(model, state) {
         let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]);
         let (by_loads, end) = (
             scratch.clumps.by_loads[number],

@@ -183,6 +183,12 @@ impl Model {
         (self.balls()..).zip(&self.clumps)
     }
 
+    /// The balls that a body which moves is made of: those of a clump, or the ball itself.
+    pub fn balls_of(&self, body: usize) -> Range<usize> {
+        let clump = self.as_clump(body as u32);
+        clump.map_or(body..body + 1, |k| self.clumps[k].balls.clone())
+    }
+
     /// A body by which to name one that moves: the first ball of a clump.
     pub fn named(&self, body: u32) -> u32 {
         let clump = self.as_clump(body);

@@ -237,9 +237,8 @@ impl Recorder {
         if self.flows {
             b.present.extend_from_slice(&state.present[..n]);
         }
-        for (x, present) in state.position[..n].iter().zip(&state.present) {
-            let seen = if *present { *x } else { DVec3::NAN };
-            b.position.extend(seen.to_array());
+        for i in 0..n {
+            b.position.extend(state.seen(i).to_array());
         }
         for q in &state.orientation[..n] {
             b.orientation.extend([q.w, q.x, q.y, q.z]);
@@ -273,7 +272,7 @@ impl Recorder {
 
 /// The motion of a clump, body `i`, as frames have it.
 pub fn clump_row(state: &State, i: usize) -> [f64; 13] {
-    let (x, q) = (state.position[i], state.orientation[i]);
+    let (x, q) = (state.seen(i), state.orientation[i]);
     let (v, w) = (state.velocity[i], state.angular_velocity[i]);
     [
         x.x, x.y, x.z, q.w, q.x, q.y, q.z, v.x, v.y, v.z, w.x, w.y, w.z,

@@ -200,9 +200,7 @@ impl Simulation {
             &self.model,
             Some(&state.position[self.model.first_wall()..]),
         );
-        let places: Vec<DVec3> = (state.position[..balls].iter().zip(&state.present))
-            .map(|(x, present)| if *present { *x } else { DVec3::NAN })
-            .collect();
+        let places: Vec<DVec3> = (0..balls).map(|i| state.seen(i)).collect();
         let periodic = &walls.periodic.now;
         let meshes = self.model.mesh_spans();
         let mut found = carom_geom::overlaps(

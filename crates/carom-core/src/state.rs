@@ -73,7 +73,7 @@ pub struct State {
 }
 
 impl State {
-    /// Takes a sphere away. It stands where it stood last.
+    /// Takes a body away. It stands where it stood last.
     pub(crate) fn set_absent(&mut self, i: usize) {
         self.present[i] = false;
         self.velocity[i] = DVec3::ZERO;
@@ -90,6 +90,15 @@ impl State {
         self.angular_velocity[i] = DVec3::ZERO;
         self.pseudo[i] = [gravity, DVec3::ZERO];
         self.acceleration[i] = [gravity, DVec3::ZERO];
+    }
+
+    /// Where a body is seen, m: nowhere while it is absent.
+    pub fn seen(&self, i: usize) -> DVec3 {
+        if self.present[i] {
+            self.position[i]
+        } else {
+            DVec3::NAN
+        }
     }
 
     /// What the neighbour list must not miss around a sphere, m; an absent one has no pairs.

@@ -2,10 +2,11 @@
 
 mod common;
 
+use carom_core::clump::body::ClumpInput;
 use carom_core::flow::{Inflow, Outlet, Region};
 use carom_core::options::Method;
 use carom_core::{ModelError, ModelInput, Options, Simulation};
-use common::{advance, balls, bits, compile, simulation, R};
+use common::{advance, balls, bits, compile, simulation, MASS, R};
 use glam::DVec3;
 
 const METHODS: [Method; 3] = [Method::Nsga, Method::MoreauJean, Method::Penalty];
@@ -384,4 +385,91 @@ fn unusable_flows_are_refused() {
             "{told}"
         );
     }
+}
+
+/// A rod that turns as it falls to the outlet below z = -0.1 m, and a ball far above.
+fn falling_rod() -> ModelInput {
+    let at = [[0.0, -R, 0.0], [0.0, R, 0.0], [0.5, 0.0, 2.0]];
+    let mut input = balls(&at, &[]);
+    input.gravity = [0.0, 0.0, -9.8];
+    input.outlet = rain(1).outlet;
+    let (across, along) = (2.8 * MASS * R * R, 0.8 * MASS * R * R);
+    input.clumps = vec![ClumpInput {
+        balls: 0..2,
+        mass: 2.0 * MASS,
+        inertia: [across, along, across],
+        position: [0.0; 3],
+        orientation: [1.0, 0.0, 0.0, 0.0],
+        velocity: [0.0; 3],
+        angular_velocity: [8.0, 0.0, 0.0],
+    }];
+    input
+}
+
+#[test]
+fn a_clump_leaves_as_a_whole_and_stands_still_from_then_on() {
+    let mut s = simulation(&falling_rod(), options(Method::Nsga));
+    // The first step after which its centre is below -0.1 m: sqrt(2 * 0.1/9.8) = 142.9 ms.
+    assert!(advance(&mut s, 142).is_none());
+    assert_eq!(s.state.present, [true; 4]);
+    assert!(s.state.position[0].z < -0.1 || s.state.position[1].z < -0.1);
+    assert!(advance(&mut s, 1).is_none());
+    assert_eq!(s.state.present, [false, false, true, false]);
+    let (m, fallen) = (2.0 * MASS, 9.8 * 0.143);
+    let spin = 0.5 * 2.8 * MASS * R * R * 64.0;
+    let motion = 0.5 * m * fallen * fallen + spin;
+    let lost = motion - m * 9.8 * 0.5 * 9.8 * 0.143 * 0.143;
+    assert!((s.monitors.energy_out - lost).abs() < 1e-12 * motion);
+    assert_eq!(s.monitors.removed, 2);
+    let (position, orientation) = (s.state.position.clone(), s.state.orientation.clone());
+    assert!(advance(&mut s, 50).is_none());
+    for i in [0, 1, 3] {
+        assert_eq!(s.state.position[i], position[i]);
+        assert_eq!(s.state.orientation[i], orientation[i]);
+        assert_eq!(s.state.velocity[i], DVec3::ZERO);
+    }
+    assert_eq!(s.monitors.energy_rises, 0);
+}
+
+#[test]
+fn a_state_has_a_clump_with_all_its_balls_or_none_of_it() {
+    let input = falling_rod();
+    let model = compile(&input, options(Method::Nsga)).unwrap().0;
+    let mut state = simulation(&input, options(Method::Nsga)).state;
+    assert!(state.check(&model).is_ok());
+    state.present[1] = false;
+    let told = state.check(&model).unwrap_err().to_string();
+    assert!(told.contains("parts of a clump"), "{told}");
+    (state.present[0], state.present[3]) = (false, false);
+    assert!(state.check(&model).is_ok());
+}
+
+#[test]
+fn balls_enter_around_a_clump_and_none_of_its_own() {
+    // A rod lies in the region, and stays there.
+    let mut at = vec![[0.0, -R, 0.5], [0.0, R, 0.5], [0.5, 0.0, 2.0]];
+    at.extend([[0.0, 0.0, 0.5]; 40]);
+    let mut input = balls(&at, &[]);
+    input.laws = vec![(0, 0, [0.4, 0.3, 0.0, 0.0, 0.0])];
+    input.clumps = falling_rod().clumps;
+    input.clumps[0].position[2] = 0.5;
+    input.clumps[0].angular_velocity = [0.0; 3];
+    input.inflow = vec![Inflow {
+        velocity: DVec3::ZERO,
+        spread: 0.0,
+        ..inflow(3, 40)
+    }];
+    let mut s = simulation(&input, options(Method::Nsga));
+    assert!(s.monitors.entered > 10);
+    let least = |s: &Simulation, i: usize| {
+        let to = |ball: usize| (s.state.position[i] - s.state.position[ball]).length();
+        to(0).min(to(1))
+    };
+    for i in (3..43).filter(|&i| s.state.present[i]) {
+        assert!(least(&s, i) >= 2.0 * R);
+    }
+    assert!(advance(&mut s, 20).is_none());
+    input.inflow[0].first = 1;
+    let told = compile(&input, options(Method::Nsga)).unwrap_err();
+    assert!(told.to_string().contains("balls of a clump"), "{told}");
 }

@@ -5,7 +5,6 @@ use crate::coupling::{law, list, refuse, vector};
 use carom_core::deformation::law::Deformation;
 use carom_core::flow::{Event, Inflow, Outlet, Region};
 use carom_core::{Model, State};
-use glam::DVec3;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -133,12 +132,4 @@ pub fn read_state(dict: &Bound<'_, PyDict>, model: &Model, state: &mut State) ->
     let number = |&k: &u64| u32::try_from(k).unwrap_or(u32::MAX);
     state.entered = entered.iter().map(number).collect();
     Ok(())
-}
-
-/// The places of a frame: absent balls have none.
-pub fn seen(state: &State) -> Vec<DVec3> {
-    let places = state.position.iter().zip(&state.present);
-    places
-        .map(|(x, present)| if *present { *x } else { DVec3::NAN })
-        .collect()
 }

@@ -64,8 +64,7 @@ impl Simulation {
         let n = model.balls();
         put_kinematics(&out, state, n)?;
         if !model.flow.is_none() {
-            let seen = flow::seen(state);
-            let places = seen[..n].iter().flat_map(|x| x.to_array()).collect();
+            let places = (0..n).flat_map(|i| state.seen(i).to_array()).collect();
             put::<f64>(&out, "position", places, &[n, 3])?;
             put(&out, "present", state.present[..n].to_vec(), &[n])?;
         }

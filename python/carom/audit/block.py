@@ -116,6 +116,8 @@ class Block:
         present = run.present(rows)
         self.there = present[:-1] & present[1:]
         """(B, N) bodies that were there all the time."""
+        self.passing = np.zeros_like(self.there)
+        """(B, N) bodies that came or went within an interval."""
         self._leave_out_events()
         self.cut = self.over(run.cut) > 0
         """(B,) intervals with a step in parts."""
@@ -162,7 +164,8 @@ class Block:
         step, body = np.asarray(events["step"]).astype(np.int64), np.asarray(events["body"]).astype(np.int64)
         k = np.searchsorted(self.s1, step)
         here = (k < self.count) & (step > self.s0[np.minimum(k, self.count - 1)])
-        self.there[k[here], body[here]] = False
+        self.passing[k[here], body[here]] = True
+        self.there &= ~self.passing
 
     def over(self, column: Array) -> F64:
         """Largest value of a column of the steps in each interval, (B,)."""
@@ -199,6 +202,11 @@ class Block:
     def per_pair(self, k: I64, a: I64, b: I64) -> Callable[[int], Place]:
         """The places of pairs of bodies (K,) at the ends of the intervals `k`."""
         return lambda i: self.place(int(k[i]), int(a[i]), int(b[i]))
+
+    def stayed(self, k: I64, a: I64, b: I64) -> Bool:
+        """(K,) pairs of bodies that were there all the time of the intervals `k`."""
+        ball = np.minimum(b, self.run.bodies - 1)
+        return np.asarray(self.there[k, a] & (self.there[k, ball] | (b >= self.run.bodies)))
 
     def contact(self, row: int) -> Place:
         """The place of a contact of `rows`."""

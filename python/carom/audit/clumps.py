@@ -32,9 +32,9 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         return
     _as_one(block, tally)
     for number, clump in enumerate(run.clumps):
-        apart = np.asarray(free[:, clump.balls].all(axis=1))
-        known = np.asarray(apart | (block.kept & run.has_contacts))
-        unseen = int((~known).sum())
+        apart, there = (np.asarray(of[:, clump.balls].all(axis=1)) for of in (free, block.there))
+        known = np.asarray(there & (apart | (block.kept & run.has_contacts)))
+        unseen = int((there & ~known).sum())
         for kind in KINDS:
             if run.has_contacts:
                 why = "the last frame of a run that stopped early has no impulses"
@@ -72,6 +72,7 @@ def _measure(block: Block, tally: Tally, value: F64, bound: F64) -> None:
         value,
         np.broadcast_to(bound, value.shape),
         lambda i: block.place(i // len(mine), int(mine[i % len(mine)])),
+        block.run.present(slice(block.first, block.first + block.count))[:, mine],
     )
 
 

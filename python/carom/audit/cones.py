@@ -200,7 +200,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     why = "piles do not record which contacts took part in later impact problems"
     tally.skip("slip", why, 'impacts = "every" in [record]', int((single & ~quiet[c.k]).sum()))
     block.skip_companions(tally, "slip", c.k[single])
-    odd = odd | ~quiet[c.k] | block.companion[c.k]
+    odd = odd | ~quiet[c.k] | block.companion[c.k] | ~block.stayed(c.k, c.a, c.b)
     hit = struck(block)
     impulse = loads_once.stated(block)[0]
     size = norm(impulse)

@@ -106,9 +106,10 @@ def _last(block: Block, name: str) -> F64:
 
 
 def _record(block: Block, tally: Tally, motion: F64, told: tuple[F64, F64] | None) -> None:
-    """Bound: rounding of a sum over all bodies, in any order."""
-    run = block.run
-    bound = EPS * (16.0 + run.bodies) * scale(block) + 1e-300
+    """Bound: rounding of a sum over all bodies, in any order, also of those that leave at its end."""
+    run, end = block.run, scale(block)
+    start = np.nansum(rigid.sizes(run, block.x0, block.v0, block.w0, block.c0), axis=1)
+    bound = EPS * (16.0 + run.bodies) * (end + np.where(block.passing.any(axis=1), start, 0.0)) + 1e-300
     tally.measure("energy record", np.abs(_last(block, "energy_kinetic") - motion), bound, block.place)
     if told is None:
         why = "the potential of springs of friction, and of contacts with curved walls, is not in the frames"
@@ -177,6 +178,7 @@ def _balance(block: Block, tally: Tally) -> None:
         gained = np.where(block.there, run.mass * dot(block.v1 - block.v0, run.falls), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     attracted, unsure = _attracted(block)
+    unsure = unsure + np.where(block.there, 0.0, turned_slack).sum(axis=1)
     total = total - attracted - turned.sum(axis=1)
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, at = norm(c.impulse), together(block, speeds(block))

@@ -4,7 +4,8 @@
     inflow      the k-th ball enters no sooner than `start + k/rate`, in the region, with its velocity within the spread
     frames      have the balls that events and the scenario say
 
-Balls with joints or loads stay. Places and velocities of a ball that entered are those of the frame of its step.
+Balls with joints or loads stay. Places and velocities of a ball that entered are those of the frame of its step. Balls
+of a clump leave together, and their place is its centre of mass.
 """
 
 from __future__ import annotations
@@ -42,6 +43,11 @@ def judge(run: Run, tally: Tally) -> None:
             done += 1
         wrong = np.flatnonzero(np.asarray(run.result.present[frame]) != here)
         tally.measure("flow", [float(len(wrong))], 0.0, lambda i: run.frame_place(frame, *wrong[:1]))  # noqa: B023
+    left = np.full(run.balls, -1)
+    left[body[kind == 0]] = step[kind == 0]
+    alone = [float(np.ptp(left[clump.balls])) for clump in run.clumps]
+    of_clumps = np.array([clump.first for clump in run.clumps], dtype=np.int64)
+    tally.measure("flow", alone, 0.0, _of_steps(run, left[of_clumps], of_clumps))
     for flow in inflows:
         first, count = flow["bodies"]
         mine = np.flatnonzero((kind == 1) & (body >= first) & (body < first + count))
@@ -76,14 +82,15 @@ def of_frames(block: Block, tally: Tally) -> None:
     now = (step > block.s0[k]) & (step <= block.s1[k])
     entered = now & (kind == 1) & (step == block.s1[k])
     here[k[entered], body[entered]] = False  # who leaves is asked before others enter
+    start, end = (_places(run, *of) for of in ((block.x0, block.c0), (block.x1, block.c1)))
     for outlet in outlets:
-        inside = _depth(run, outlet, block.x1)
+        inside = _depth(run, outlet, end)
         tally.measure("flow", np.where(here, inside, 0.0) / run.radius, 0.0, block.per_body)
     gone = np.flatnonzero(now & (kind == 0) & present[k, body])
     if outlets and gone.size and run.has_contacts:
         at = (k[gone], body[gone])
         way = (forces.speeds(block)[at] + norm(run.gravity) * block.dt[k[gone]]) * block.dt[k[gone]]
-        short = np.min([np.maximum(0.0, -_depth(run, o, block.x0)[at]) for o in outlets], axis=0)
+        short = np.min([np.maximum(0.0, -_depth(run, o, start)[at]) for o in outlets], axis=0)
         tally.measure("flow", short, 2.0 * way, _of_steps(run, step[gone], body[gone]))
     come = np.flatnonzero(entered)
     for flow in inflows:
@@ -95,6 +102,13 @@ def of_frames(block: Block, tally: Tally) -> None:
         tally.measure("flow", np.maximum(off, 0.0), 1e-12 * float(norm(given) + flow["spread"]), place)
         size = np.abs(block.x1[at]).max(axis=1, initial=0.0) + run.radius[body[mine]]
         tally.measure("flow", _outside(flow["region"], block.x1[at]), 64.0 * EPS * size, place)
+
+
+def _places(run: Run, x: F64, rows: F64) -> F64:
+    """(B, N, 3) the places by which bodies leave, m, from those of bodies and the motion of clumps (B, C, 13)."""
+    if run.clumps:
+        x = np.where(run.in_clump[:, None], rows[:, run.clump_of, :3], x)
+    return x
 
 
 def _depth(run: Run, outlet: tuple[Any, ...], x: F64) -> F64:

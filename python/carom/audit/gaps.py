@@ -39,7 +39,7 @@ def recorded(block: Block, tally: Tally) -> None:
     single = block.single[c.k]
     for kind in ("gap", "normal"):
         block.skip(tally, kind, PARTS, c.k[~single])
-    rows = np.flatnonzero(single)
+    rows = np.flatnonzero(single & block.stayed(c.k, c.a, c.b))  # who has left has no place
     gap, normal = (x[rows] for x in block.end)
     if run.method == "moreau":
         # Frames of Moreau-Jean are those of the middle of the step; its gaps are those of the end.
@@ -81,7 +81,6 @@ def complementarity(block: Block, tally: Tally) -> None:
     if run.method == "moreau":
         pushed = norm(c.impulse) > 0.0
         gap = np.where(single & pushed, _middle(block)[0], gap)
-    ball = np.minimum(c.b, run.bodies - 1)
     length = np.minimum(run.radius[c.a], run.length[np.minimum(c.b, run.bodies)])
     way = 2.0 * forces.together(block, forces.speeds(block)) * block.dt[c.k]
     for w, wall in enumerate(run.walls):
@@ -117,7 +116,7 @@ def complementarity(block: Block, tally: Tally) -> None:
         taken |= (c.b == run.bodies + w) & wall.there(block.t0[c.k]) & ~wall.there(block.t1[c.k]) & ~single
     tally.skip("complementarity", "the wall was taken away between the frames", "every = 1 in [record]",
                int(taken.sum()))  # fmt: skip
-    there = block.there[c.k, c.a] & (block.there[c.k, ball] | (c.b >= run.bodies))
+    there = block.stayed(c.k, c.a, c.b)
     value = np.maximum(gap, 0.0)
     value = np.where(np.isinf(value), 1e300, value)
     tally.measure("complementarity", value, bound, block.contact, there & ~taken)

@@ -53,8 +53,7 @@ def judge(block: Block, tally: Tally) -> None:
     seen = np.flatnonzero(block.single[rows.k])
     group = hits.groups(block, rows.of(seen))
     # Who enters or leaves within a step takes what it gave its neighbours along.
-    ball = np.minimum(rows.b, run.bodies - 1)
-    gone = ~(block.there[rows.k, rows.a] & (block.there[rows.k, ball] | (rows.b >= run.bodies)))[seen]
+    gone = ~block.stayed(rows.k, rows.a, rows.b)[seen]
     known = np.bincount(group, gone)[group] == 0
     seen, group = seen[known], group[known]
     whole = np.zeros(len(rows), dtype=bool)
@@ -79,7 +78,7 @@ def _unit(block: Block, tally: Tally, r: Hits) -> None:
     tally.measure("normal", np.abs(norm(r.normal) - 1.0), 16.0 * EPS, hits.place(block, r))
     tally.measure("counts", ~((r.scale >= 0.0) & (r.scale <= 1.0)), 0.0, hits.place(block, r))
     if run.method == "nsga":
-        one = r.of(block.single[r.k])
+        one = r.of(block.single[r.k] & block.stayed(r.k, r.a, r.b))
         other = np.minimum(one.b, run.bodies - 1)
         _, normal = run.meet(block.t1[one.k], one.a, one.b, block.x1[one.k, one.a], block.x1[one.k, other])
         extent = np.abs(block.x1[one.k, one.a]).max(axis=1) + run.radius[one.a]
@@ -112,7 +111,7 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     sums over the step are all of its end: surely those of groups of more contacts than islands have that are no piles.
     """
     run = block.run
-    last = np.zeros(len(r), dtype=np.int64)
+    last = np.zeros(group.max(initial=-1) + 1, dtype=np.int64)
     np.maximum.at(last, group, r.problem)
     # Piles have neither joints nor loads that depend on the motion; which islands have clumps is not recorded.
     tied = groups.held(block)[r.k, r.a] if run.has_contacts else run.answering.any()

@@ -302,6 +302,9 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     else:
         tally.skip("wall moment", f"contacts move within the step of {run.method}", "use nsga", block.count)
     k, a, b = c.k[rows], c.a[rows], run.wall_number(c.b[rows])
+    judged = np.repeat(judged[:, None], given.shape[1], axis=1)
+    gone = ~block.there[k, a]  # whose place is not known
+    judged[k[gone], b[gone]] = False
     lever = np.zeros((len(k), 3))
     for w in range(given.shape[1]):
         mine = np.flatnonzero(b == w)
@@ -315,7 +318,7 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     if run.cohesive:
         _pulled_moments(block, summed, size)
     value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size
-    tally.measure("wall moment", value, bound, block.per_wall, np.broadcast_to(judged[:, None], value.shape))
+    tally.measure("wall moment", value, bound, block.per_wall, judged)
 
 
 def _place_of(block: Block, w: int, k: I64) -> F64:

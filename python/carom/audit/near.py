@@ -74,9 +74,23 @@ def near(block: Block) -> Near:
     for interval in np.flatnonzero(far.any(axis=1) & free.any(axis=1)):
         hit = _reached(block, int(interval), way[interval], far[interval], free[interval])
         free[interval, hit] = False
+    _apart_from_passing(block, possible, free)
     for clump in run.clumps:
         free[:, clump.balls] = free[:, clump.balls].all(axis=1, keepdims=True)
     return Near(k, a, b, gap0, normal0, gap1, normal1, free, far)
+
+
+def _apart_from_passing(block: Block, possible: F64, free: Bool) -> None:
+    """Takes out of the `free` those that a body may have touched that came or went."""
+    run, reach = block.run, block.run.radius * (1.0 + MARGIN) + possible
+    for k, body in np.argwhere(block.passing):
+        here = [end for end in (0, 1) if np.isfinite((block.x0, block.x1)[end][k, body]).all()]
+        if not here:  # it came and went: where, no frame tells
+            free[k] = False
+            continue
+        x, time = (block.x1, block.t1) if here[0] else (block.x0, block.t0)
+        apart = norm(run.between(np.full(run.bodies, time[k]), x[k], x[k, body]))
+        free[k, apart <= reach[k] + reach[k, body]] = False
 
 
 def _balls(block: Block, way: F64, far: Bool) -> tuple[I64, I64, I64, F64]:

@@ -34,7 +34,7 @@ def frames(block: Block, tally: Tally) -> None:
         wrong = (~np.isfinite(values)).sum(axis=-1) * here
         tally.measure("numbers", wrong, 0.0, block.per_body)
     if run.clumps:
-        wrong = (~np.isfinite(block.c1)).sum(axis=-1)
+        wrong = (~np.isfinite(block.c1)).sum(axis=-1) * here[:, run.rigid.first]
         tally.measure("numbers", wrong, 0.0, block.per_clump)
         off = np.abs(norm(block.c1[..., 3:7]) - 1.0)
         tally.measure("quaternion", off, 8.0 * EPS, block.per_clump)
@@ -104,7 +104,7 @@ def _scenario(run: Run, tally: Tally) -> None:
     _compare(tally, run.material, run.result.bodies["material"], "/bodies/material")
     if not run.frames or int(run.step[0]) != 0:
         return
-    present = np.asarray(run.result.present[0])
+    here = present = np.asarray(run.result.present[0])
     if not present.all() or len(run.result.events):
         present = present & False  # what enters at the start has places drawn, and the rest is absent
     for name in QUANTITIES:
@@ -132,7 +132,8 @@ def _scenario(run: Run, tally: Tally) -> None:
         ):
             off = norm(run.motion_of_clumps(slice(0, 1))[0, :, part] - given[:, part])
             off = off / (norm(given[:, part]) + least + 1e-300)
-            tally.measure("scenario", off, 8.0 * EPS, lambda i: run.frame_place(0, run.clumps[i].first))
+            place, there = (lambda i: run.frame_place(0, run.clumps[i].first)), here[run.rigid.first]
+            tally.measure("scenario", off, 8.0 * EPS, place, there)
     if run.free_walls:
         along = np.asarray(run.result._segments.column("frames", "free_walls")[0])
         given = np.array([[0.0, wall.velocity] for wall in run.free_walls])

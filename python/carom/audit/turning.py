@@ -18,7 +18,9 @@ from carom.audit.vectors import EPS, cross, dot, norm
 
 @once
 def momenta(block: Block) -> F64:
-    """(B, C, 3) angular momenta before impacts, N m s; at first where contacts are unknown, or of several steps."""
+    """(B, C, 3) angular momenta before impacts, N m s; at first where contacts are unknown, or of several steps, and of
+    clumps that leave.
+    """
     run, sums = block.run, forces.of_contacts(block)
     found = np.zeros((block.count, len(run.clumps), 3))
     for number, clump in enumerate(run.clumps):
@@ -31,7 +33,7 @@ def momenta(block: Block) -> F64:
         nearer = norm(before[0]) - norm(first), norm(before[1]) - norm(first)
         one = np.abs(nearer[0]) <= np.abs(nearer[1])
         both = np.where(one[:, None], before[0], before[1])
-        known = block.single & run.has_contacts & block.kept
+        known = block.single & run.has_contacts & block.kept & block.there[:, clump.first]
         found[:, number] = np.where(known[:, None], both, first)
     return found
 
@@ -51,7 +53,8 @@ def turned_on(block: Block) -> tuple[F64, F64]:
 
 def of_block(block: Block) -> tuple[F64, F64]:
     """(B, N) by how much the energy of clumps changes in the step as they turn, where their angular momenta stay, and how
-    far that may be off, J: exact where the interval is one whole step. It is of the first ball of each.
+    far that may be off, J: exact where the interval is one whole step, in which the clump stays and it is on record which
+    impulses are impacts. It is of the first ball of each.
     """
     run = block.run
     found, off = np.zeros((2, block.count, run.bodies))
@@ -65,8 +68,9 @@ def of_block(block: Block) -> tuple[F64, F64]:
         largest = np.maximum(*sizes) + clump.reach * pushed.max(axis=1)
         angle = np.minimum(turned.max(axis=1) + flights.of_block(block).off[:, number], np.pi)
         most = 0.5 * largest**2 * (1.0 / clump.inertia.min() - 1.0 / clump.inertia.max()) * angle
-        found[:, clump.first] = np.where(block.single, exact, 0.0)
-        off[:, clump.first] = np.where(block.single, 0.0, most)
+        known = block.single & block.there[:, clump.first]
+        found[:, clump.first] = np.where(known, exact, 0.0)
+        off[:, clump.first] = np.where(known & run.has_impacts, 0.0, most)
     return found, off
 
 

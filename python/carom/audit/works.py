@@ -73,7 +73,7 @@ def judge(block: Block, tally: Tally) -> None:
         "several steps, or parts of one, lie between the frames",
         c.k[quiet & ~block.single[c.k]],
     )
-    quiet &= block.single[c.k] & block.there[c.k, c.a]
+    quiet &= block.single[c.k] & block.stayed(c.k, c.a, c.b)
     quiet = answers.sure(block, tally, "work", quiet, c)
     rows = np.flatnonzero(quiet)
     if not rows.size:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.arrays import F64, I64
+from carom.arrays import F64, I64, Bool
 from carom.result.record.clumps import COLUMNS
 from carom.result.tables import Named
 from carom.scene.assembly.rotations import inverse, product, rotated, rotated_back
@@ -58,8 +58,13 @@ class Clump:
         return self._result.time
 
     @property
+    def present(self) -> Bool:
+        """Whether it is there, (T,): always, unless the scene has outlets."""
+        return np.asarray(self._result.present[:, self.numbers[0]])
+
+    @property
     def position(self) -> F64:
-        """Centre of mass, (T, 3), m."""
+        """Centre of mass, (T, 3), m; not a number while it is absent."""
         return self._columns(0, 3)
 
     @property

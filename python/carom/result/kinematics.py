@@ -197,15 +197,17 @@ class Frames(Motion[A]):
 
     def _carried(self, quantity: str) -> F64:
         """Position or velocity (T, N, 3) for momentum and energy: of a ball of a clump that of the centre of mass."""
-        found = self._of_present(quantity)
+        found = np.array(getattr(self, quantity))
         for part in self._parts():
             found[:, part.balls] = getattr(part, quantity)[:, np.newaxis]
-        return found
+        return self._there(found)
 
     def _of_present(self, quantity: str) -> F64:
         """A quantity (T, N, 3), 0 for balls that are absent."""
-        there = np.asarray(self.present)[:, :, np.newaxis]
-        return np.where(there, np.asarray(getattr(self, quantity)), 0.0)
+        return self._there(np.asarray(getattr(self, quantity)))
+
+    def _there(self, values: F64) -> F64:
+        return np.where(np.asarray(self.present)[:, :, np.newaxis], values, 0.0)
 
 
 class Body(Motion[F64]):

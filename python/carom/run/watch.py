@@ -56,7 +56,7 @@ class State(Motion[Array]):
     @property
     def clumps(self) -> F64:
         """Of each clump its centre of mass, m, the unit quaternion of its principal axes, its velocity, m/s, and its angular
-        velocity in the world frame, rad/s: (C, 13).
+        velocity in the world frame, rad/s: (C, 13). The centre of one that has left is not a number.
         """
         frame = self._fetch()
         return np.array(frame["clumps"]) if "clumps" in frame else np.zeros((0, 13))

@@ -54,8 +54,6 @@ fn check_beside(input: &ModelInput, options: &Options) -> Result<(), ModelError>
             !input.loads.is_empty(),
             "springs or loads beyond the weight",
         ),
-        (!input.inflow.is_empty(), "inflows"),
-        (!input.outlet.is_empty(), "outlets"),
         (input.cohesion.iter().any(|&c| c > 0.0), "cohesion"),
         (options.method != Method::Nsga, "methods other than nsga"),
         (options.is_printed(), "position_friction = \"paper\""),

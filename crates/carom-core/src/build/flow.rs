@@ -29,6 +29,10 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
         if taken[first..end].iter().any(|&t| t) {
             return refuse("bodies", "are those of another inflow too".to_owned());
         }
+        let mut of_clumps = input.clumps.iter().map(|c| &c.balls);
+        if of_clumps.any(|balls| balls.start < end && first < balls.end) {
+            return refuse("bodies", "are balls of a clump too".to_owned());
+        }
         taken[first..end].fill(true);
         let fits = match flow.region {
             Region::Box { low, high } => low.cmple(high).all(),
@@ -78,8 +82,10 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
             return Err(entry("outlet", index, "box", text));
         }
     }
-    let mut stay = vec![false; if input.outlet.is_empty() { 0 } else { n }];
-    for body in held_bodies(input) {
+    let bodies = n + input.clumps.len();
+    let mut stay = vec![false; if input.outlet.is_empty() { 0 } else { bodies }];
+    let of_clumps = input.clumps.iter().flat_map(|c| c.balls.clone());
+    for body in held_bodies(input).chain(of_clumps.map(|ball| ball as u32)) {
         if let Some(stays) = stay.get_mut(body as usize) {
             *stays = true;
         }

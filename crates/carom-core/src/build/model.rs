@@ -39,10 +39,10 @@ impl Model {
         let free = compile_free_walls(input, &mut walls)?;
         let periodic = super::periodic::compile(input, &walls)?;
         super::periodic::check_deformation(input, &options)?;
+        let clumps = clumps::compile(input, &options)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
         let links = compile_links(input)?;
-        let clumps = clumps::compile(input, &options)?;
         let bodies = Bodies::new(input, &free, &clumps);
         // Balls of clumps have none.
         let inverse = |m: &f64| if *m > 0.0 { 1.0 / m } else { 0.0 };

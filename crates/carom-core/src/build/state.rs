@@ -1,5 +1,6 @@
 //! The state at the start of a run, and whether a saved one belongs to a model.
 
+use crate::clump::body::Clump;
 use crate::contact::ContactKey;
 use crate::deformation::join_flow;
 use crate::force::total::own_acceleration;
@@ -89,6 +90,12 @@ impl State {
             || admitted.into_iter().any(|(flow, &k)| k > flow.count)
         {
             return refuse("present and entered are of another model".to_owned());
+        }
+        let whole = |(i, clump): (usize, &Clump)| {
+            (clump.balls.clone()).all(|ball| self.present[ball] == self.present[i])
+        };
+        if !model.numbered_clumps().all(whole) {
+            return refuse("present has parts of a clump".to_owned());
         }
         let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
         let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();

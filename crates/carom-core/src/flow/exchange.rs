@@ -24,7 +24,7 @@ pub(crate) fn exchange(
     at: (u64, f64),
 ) -> Exchange {
     let mut exchange = Exchange::default();
-    for i in 0..model.balls() {
+    for i in 0..model.first_wall() {
         if is_out(model, state, i) {
             take_out(model, state, i, at, &mut exchange);
         }
@@ -40,8 +40,10 @@ pub(crate) fn exchange(
 
 fn energy(model: &Model, state: &State, i: usize) -> [f64; 2] {
     let (v, w) = (state.velocity[i], state.angular_velocity[i]);
+    let clump = model.as_clump(i as u32).map(|k| &model.clumps[k]);
+    let beyond = clump.map_or(0.0, |c| c.energy_beyond(state.orientation[i], w));
     [
-        model.kinetic(i, v, w),
+        model.kinetic(i, v, w) + beyond,
         weight_potential(model, i, state.position[i]),
     ]
 }
@@ -51,14 +53,14 @@ fn add(sum: &mut [f64; 2], part: [f64; 2]) {
     sum[1] += part[1];
 }
 
-/// Whether ball `i` is where an outlet takes it.
+/// Whether body `i` is where an outlet takes it.
 pub fn is_out(model: &Model, state: &State, i: usize) -> bool {
     let x = state.position[i];
     let leaves = |o: &Outlet| model.periodic.in_box(x, o.low, o.high) == o.inside;
     state.present[i] && model.flow.outlets.iter().any(leaves) && !model.flow.held[i]
 }
 
-/// Takes ball `i` out, where it is, in a step of this number at a time, s.
+/// Takes body `i` out with its balls, where it is, in a step of this number at a time, s.
 pub fn take_out(
     model: &Model,
     state: &mut State,
@@ -68,8 +70,11 @@ pub fn take_out(
 ) {
     add(&mut exchange.energy_out, energy(model, state, i));
     state.set_absent(i);
-    exchange.removed += 1;
-    exchange.events.push(Event::new(at, i as u32, false));
+    for ball in model.balls_of(i) {
+        state.set_absent(ball);
+        exchange.removed += 1;
+        exchange.events.push(Event::new(at, ball as u32, false));
+    }
 }
 
 fn admit(

@@ -1,7 +1,8 @@
 //! Balls that come and go: inflows and outlets, between two steps of the run's grid.
 //!
 //! All balls are bodies of the model from the start; those of an inflow are absent until they enter. What an absent ball is:
-//! `present` is false, it stands where it stood last at no velocity, has no pairs, no load and no energy. Nothing here has a
+//! `present` is false, it stands where it stood last at no velocity, has no pairs, no load and no energy. What leaves is a body:
+//! a ball, or a clump with its balls, by its centre of mass. Nothing here has a
 //! memory but [`crate::state::State`]: places are drawn from the seed, the ball, the step and the number of the try.
 
 pub mod exchange;
@@ -39,7 +40,7 @@ pub struct Inflow {
     pub seed: u64,
 }
 
-/// A box; balls whose centre is inside (or outside) leave: in a periodic world those of which an image is (or none is). Balls
+/// A box; bodies whose centre is inside (or outside) leave: in a periodic world those of which an image is (or none is). Balls
 /// that joints or loads of their own hold stay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outlet {
@@ -53,7 +54,7 @@ pub struct Outlet {
 pub struct Flow {
     pub inflows: Vec<Inflow>,
     pub outlets: Vec<Outlet>,
-    /// Which balls joints or loads of their own hold; empty without outlets.
+    /// Which bodies do not leave by themselves: balls that joints or loads of their own hold, and those of clumps. Empty without outlets.
     pub(crate) held: Vec<bool>,
 }
 

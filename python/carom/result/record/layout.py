@@ -125,7 +125,7 @@ MEANINGS: dict[str, Meaning] = {
     "frames/clumps": Meaning(
         "m, 1, m/s, rad/s",
         "(frame, clump, 13) centre of mass (3), unit quaternion of the principal axes (4), velocity (3) and angular velocity"
-        " (3), in the world frame",
+        " (3), in the world frame. The centre of one that has left is not a number",
     ),
     "frames/box": Meaning(
         "m",

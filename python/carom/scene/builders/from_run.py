@@ -74,6 +74,8 @@ class Taker(Builder):
                 )
             )
         for clump, table in zip(result.clumps.values(), result.scene.clumps, strict=True):
+            if not clump.present[frame]:
+                continue
             self.material(table.material)
             placed = table.placed(clump.position[frame], clump.orientation[frame])
             placed.velocity = clump.velocity[frame]

@@ -187,7 +187,10 @@ class Waller(Builder):
 
     @explained
     def outlet(self, *, low: Vector, high: Vector, inside: bool | None = None) -> Outlet:
-        """Remove balls whose centre gets into the box from corner `low` to `high`, or out of it if `inside` is false."""
+        """Remove balls whose centre gets into the box from corner `low` to `high`, or out of it if `inside` is false.
+
+        A clump goes as a whole, by its centre of mass.
+        """
         outlet = make(Outlet, "Scene.outlet", low=low, high=high, inside=inside)
         self._tree.outlet.append(outlet)
         return outlet

@@ -23,8 +23,6 @@ LEAVE_OUT = {
     "spring": "springs do",
     "drag": "drag does",
     "load_function": "Python functions do",
-    "inflow": "inflows do",
-    "outlet": "outlets do",
 }
 """What does not act in a scene with clumps yet, by section."""
 MOMENTS = (1e-90, 1e90)
@@ -36,7 +34,7 @@ def check_clumps(parts: Parts) -> Iterator[Finding]:
     if not parts.entries["clump"]:
         return
     yield from _options(parts)
-    for section in (*MECHANICS, "inflow", "outlet"):
+    for section in MECHANICS:
         for i, _ in parts.entries[section][:1]:
             cause = f"{LEAVE_OUT[section]} not act in a scene with clumps yet"
             yield Finding((section, i), cause, "leave this table out, or take spheres in place of clumps")

@@ -16,6 +16,7 @@ from carom.scene.assembly.mechanics import references
 from carom.scene.assembly.vectors import scaled
 from carom.scene.checks.walls import TOUCHING, called
 from carom.scene.messages import Finding
+from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow, Outlet, Region
 from carom.scene.tables.loads import ALL, Drag
 
@@ -125,8 +126,12 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
     if any(drag.on == ALL for _, drag in parts.tables(Drag)):
         held.update(bodies.names)
     free = np.array([name not in held for name in bodies.names]) & bodies.present
+    places, clumps = bodies.position.copy(), dict(parts.tables(Clump))
+    for segment in bodies.segments:
+        if segment.section == "clump":  # which leaves by its centre of mass
+            places[segment.start : segment.stop] = clumps[segment.index].middle()
     for i, outlet in parts.tables(Outlet):
-        gone = np.flatnonzero(free & (_within(parts, outlet, bodies.position) == outlet.inside))
+        gone = np.flatnonzero(free & (_within(parts, outlet, places) == outlet.inside))
         cure = "move the balls or the outlet, or write the other value of inside"
         if len(gone) and len(gone) == bodies.present.sum():
             cause = "all balls that are there at the start leave at once: they start where it removes them"
