@@ -13,7 +13,7 @@ use carom_solve::spheres::{Goal, Progress};
 pub(super) const SWEEPS: usize = 4_000;
 
 /// Contact updates that one solve may take at least, for small piles, whose sweeps are cheap; wrong values show as for [`SWEEPS`].
-pub(super) const LEAST_UPDATES: usize = 2_000_000;
+pub(super) const LEAST_UPDATES: usize = 8_000_000;
 
 /// Sweeps from which on the bound of the worst contact widens (`spheres::Goal::patience`; counted as a fallback), or after which a
 /// position problem is given up for smaller parts of the step. Too few: at 100 falling heaps take five times as long and more.
@@ -28,8 +28,9 @@ pub(super) const NEWTON_CONTACTS: usize = 500;
 /// its memory, and seconds for each failure. Fewer: heaps of rolling grains are halved, and may stop the run.
 pub(super) const SPLIT_CONTACTS: usize = 2_000;
 
-/// Iterations (1) of these at most: a heap of 900 contacts took 1800. More: what has no solution takes as long to say so.
-pub(super) const SPLIT_ITERATIONS: u32 = 5_000;
+/// Iterations (1) of these, before sweeps go on from what they find: they tell which forces hold one another, sweeps end what is left at single
+/// contacts. More: what has no solution takes as long to say so. Fewer: steps of grains that roll are halved.
+pub(super) const SPLIT_ITERATIONS: u32 = 300;
 
 /// Their tolerance over that of the pile (1), which is of another norm. Near 1 the judge of the pile may refuse what they find.
 pub(super) const SPLIT_SHARE: f64 = 0.1;

@@ -236,7 +236,7 @@ impl Pile {
         progress
     }
 
-    /// Solves the problem at hand by alternating directions, from the impulses that sweeps have left: grains that roll may have so
+    /// Solves the problem at hand by alternating directions and sweeps, from the impulses that sweeps have left: grains that roll may have so
     /// many self-balanced forces that sweeps crawl. Nothing, and the sweeps as they were: it is too large, or not solved so either.
     fn split(&mut self, model: &Model, contacts: &[Contact], goal: &Goal) -> Option<Progress> {
         if self.contacts.is_empty() || self.contacts.len() > SPLIT_CONTACTS {
@@ -256,7 +256,7 @@ impl Pile {
         let before = (self.impulses.clone(), self.moments.clone());
         self.start_from_rows(&rows, &framed, &lambda);
         if self.load_sweeps().is_ok() {
-            let found = self.sweeps.judge(goal, 0);
+            let found = self.sweeps.settle(goal);
             if found.converged {
                 return Some(found);
             }
