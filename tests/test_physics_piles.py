@@ -154,3 +154,22 @@ def test_a_wedged_ball_of_a_tower_gains_no_energy() -> None:
     assert result.outcome.ok
     assert result.summary["unconverged"] == 0
     below(1e-4, "tower: energy rise", result.summary["energy"]["max_rise_relative"])
+
+
+def test_grains_that_roll_hardly_come_to_rest_without_parts_of_steps() -> None:
+    scene = carom.Scene(gravity=(0, 0, -9.81))
+    for other in ("grain", "wall"):
+        scene.contact(
+            "grain", other, friction=0.1, restitution=0.9, rolling_radius=1e-4, spinning_radius=1e-4
+        )
+    scene.box("box", low=(0, 0, 0), high=(0.0215, 0.0215, 1), open=["high_z"], material="wall")
+    rng = np.random.default_rng(1)
+    for k in range(150):
+        place = 0.0041 * np.array([k % 5, k // 5 % 5, k // 25]) + (0.0026, 0.0026, 0.0025)
+        r, v = 0.002 * rng.uniform(0.67, 1), 0.05 * rng.uniform(-1, 1, 3)
+        scene.sphere(f"g{k}", radius=r, density=2500, position=place, velocity=v, material="grain")
+    result = carom.simulate(scene, step=1e-3, until=0.2)
+    # Forces that hold one another let sweeps crawl: with a quarter of them 17 steps were cut, in ten times the time.
+    assert result.summary["halvings"] <= 1
+    assert result.summary["unconverged"] == 0
+    assert result.steps["contacts"][-1] > 350

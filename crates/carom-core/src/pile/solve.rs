@@ -221,6 +221,7 @@ impl Pile {
         if !progress.converged && self.law != Law::Expansion {
             if let Some(found) = self.split(model, contacts, goal) {
                 report.fallbacks += 1;
+                sweeps += found.sweeps;
                 progress = found;
             }
         }
