@@ -282,8 +282,29 @@ def _heavier(file: h5py.File) -> None:
     out[row] = out[row] * (1 + 1e-9)
 
 
+def _back(column: str, part: tuple[Any, ...], value: float) -> Any:
+    """A value of a frame in which the clump is absent."""
+
+    def plant(file: h5py.File) -> None:
+        file[f"frames/{column}"][(int(file["events/step"][0]) + 5, 0, *part)] = value
+
+    return plant
+
+
 @pytest.mark.parametrize(
-    ("fault", "kind"), [(_parted, "flow"), (_late, "flow"), (_heavier, "energy balance")]
+    ("fault", "kind"),
+    [
+        (_parted, "flow"),
+        (_late, "flow"),
+        (_heavier, "energy balance"),
+        (_back("clumps", (slice(0, 3),), 0.1), "numbers"),
+        (_back("clumps", (3,), 0.1), "numbers"),
+        (_back("clumps", (8,), 0.1), "numbers"),
+        (_back("clumps", (12,), 0.1), "numbers"),
+        (_back("position", (slice(0, 3),), 0.1), "numbers"),
+        (_back("velocity", (0,), 0.1), "numbers"),
+        (_back("orientation", (0,), 0.1), "numbers"),
+    ],
 )
 def test_what_leaves_otherwise_is_found(dropped: Path, fault: Any, kind: str, tmp_path: Path) -> None:
     assert audit.check(dropped).ok

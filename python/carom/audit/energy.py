@@ -167,7 +167,8 @@ def _balance(block: Block, tally: Tally) -> None:
     # What the steps have of the whole, less all other groups, is the outer one's.
     names = ("energy_kinetic", "energy_potential")
     told = [np.concatenate([[start], run.steps[n]]) for n, start in zip(names, _at_start(run), strict=True)]
-    whole = sum(told)[block.s1] - sum(told)[block.s0]
+    total_told = told[0] + told[1]
+    whole = total_told[block.s1] - total_told[block.s0]
     given = [block.total(run.steps[name]) for name in ("energy_work", "energy_in", "energy_out")]
     exchanged = given[0] + given[1] - given[2]
     total = whole - exchanged + np.bincount(c.k, lift - work, minlength=block.count)
@@ -175,7 +176,6 @@ def _balance(block: Block, tally: Tally) -> None:
         gained = np.where(block.there, run.mass * dot(block.v1 - block.v0, run.falls), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     attracted, unsure = _attracted(block)
-    unsure = unsure + np.where(block.there, 0.0, turned_slack).sum(axis=1)
     total = total - attracted - turned.sum(axis=1)
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, at = norm(c.impulse), together(block, speeds(block))
@@ -191,6 +191,7 @@ def _balance(block: Block, tally: Tally) -> None:
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
     bound = summed(_forced(block) + turned_slack, solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top + unsure[:, None]
+    bound[outer] += np.where(block.there, 0.0, turned_slack).sum(axis=1)  # of who leaves
     # Groups on record may have been solved together, and what that leaves is in the size of all of them.
     squares = (
         np.bincount(c.k, moved**2, minlength=block.count),

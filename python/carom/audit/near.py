@@ -86,7 +86,7 @@ def _apart_from_passing(block: Block, possible: F64, free: Bool) -> None:
     radius = run.radius[: run.balls] * (1.0 + MARGIN)
     unseen = passing.copy()
     for x, time in ((block.x0, block.t0), (block.x1, block.t1)):
-        seen = np.isfinite(x[:, : run.balls]).all(axis=2)
+        seen = np.asarray(np.isfinite(x[:, : run.balls]).all(axis=2))
         for k in np.flatnonzero((passing & seen).any(axis=1)):
             here = np.flatnonzero(seen[k])
             reach = radius[here] + possible[k, here]
