@@ -282,8 +282,29 @@ def _heavier(file: h5py.File) -> None:
     out[row] = out[row] * (1 + 1e-9)
 
 
+def _back(column: str, part: tuple[Any, ...], value: float) -> Any:
+    """A value of a frame in which the clump is absent."""
+
+    def plant(file: h5py.File) -> None:
+        file[f"frames/{column}"][(int(file["events/step"][0]) + 5, 0, *part)] = value
+
+    return plant
+
+
 @pytest.mark.parametrize(
-    ("fault", "kind"), [(_parted, "flow"), (_late, "flow"), (_heavier, "energy balance")]
+    ("fault", "kind"),
+    [
+        (_parted, "flow"),
+        (_late, "flow"),
+        (_heavier, "energy balance"),
+        (_back("clumps", (slice(0, 3),), 0.1), "numbers"),
+        (_back("clumps", (3,), 0.1), "numbers"),
+        (_back("clumps", (8,), 0.1), "numbers"),
+        (_back("clumps", (12,), 0.1), "numbers"),
+        (_back("position", (slice(0, 3),), 0.1), "numbers"),
+        (_back("velocity", (0,), 0.1), "numbers"),
+        (_back("orientation", (0,), 0.1), "numbers"),
+    ],
 )
 def test_what_leaves_otherwise_is_found(dropped: Path, fault: Any, kind: str, tmp_path: Path) -> None:
     assert audit.check(dropped).ok
@@ -298,7 +319,10 @@ def test_advice_takes_the_centre_of_a_clump() -> None:
     scene.outlet(low=(-0.01, -1, -1), high=(-0.9 * R, 1, 1))  # one ball of it lies there
     assert "leaves at once" not in said(scene)
     scene._tree.outlet[0].high = (0.01, 1, 1)
-    assert '"rod1" leaves at once: it starts where balls are removed, like 1 other' in said(scene)
+    assert '"rod" leaves at once: it starts where balls are removed' in said(scene)
+    assert "like" not in said(scene)
+    scene.clump("other", spheres=ROD, material="grain", density=2500, position=(0, 0.1, 0.01))
+    assert '"rod" leaves at once: it starts where balls are removed, like 1 other' in said(scene)
 
 
 def said(scene: carom.Scene) -> str:

@@ -141,7 +141,7 @@ class TestFlow:
         assert remarks(result, "shut_out") == [told]
         printed = text({**result.summary, "directory": "x"}, result)
         assert " ".join(printed.split()).startswith(f"warning {told} full")
-        assert "flow        0 of 10 balls entered, 0 left" in printed
+        assert "flow        0 of 10 balls entered, 0 balls left" in printed
 
     def test_no_events_without_flow(self) -> None:
         scene = Scene("one", gravity=(0, 0, 0), run={"until": 0.01})

@@ -12,6 +12,7 @@ mod cohesion;
 pub mod contact;
 mod cures;
 pub mod deformation;
+mod energy;
 mod finish;
 pub mod flow;
 pub mod force;

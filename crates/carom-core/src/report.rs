@@ -178,8 +178,6 @@ impl StepReport {
     pub(crate) fn add_exchange(&mut self, e: &Exchange) {
         self.energy_in = e.energy_in.iter().sum();
         self.energy_out = e.energy_out.iter().sum();
-        self.energy_kinetic += e.energy_in[0] - e.energy_out[0];
-        self.energy_potential += e.energy_in[1] - e.energy_out[1];
         self.entered = e.entered;
         self.removed = e.removed;
     }

@@ -74,6 +74,8 @@ pub struct Scratch {
     pub wall_impulse: Vec<[DVec3; 2]>,
     /// Potential energy of cohesion at the end of the step, J.
     pub(crate) attraction: f64,
+    /// That of contacts, of methods in which they have one, J.
+    pub elastic: f64,
     /// What walls, and images of a box that deforms, pulled balls with: contacts as at t_n, and impulses on the balls.
     pub(crate) driven_pulls: Vec<(Contact, DVec3)>,
     /// Power at t_n of loads without potential, W.

@@ -3,9 +3,10 @@
 use crate::cohesion;
 use crate::cures::cures;
 use crate::deformation;
+use crate::energy;
 use crate::flow::exchange::exchange;
 use crate::flow::Exchange;
-use crate::force::total::{motion_of, own_force, weight_potential};
+use crate::force::total::own_force;
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
 use crate::outcome::{BlowUp, Failure, Level};
@@ -94,25 +95,17 @@ impl Simulation {
             first = exchange(&model, &mut state, &scratch.walls, (0, 0.0));
             recorder.block.events.append(&mut first.events);
         }
-        let (mut kinetic, mut potential, mut static_scale) = (0.0, 0.0, 0.0);
+        let [kinetic, mut potential] = energy::total(&model, &state, 0.0);
+        potential += cohesion::first_potential(&model, &state, &mut scratch);
+        let mut static_scale = 0.0;
         let displaced = &state.position[model.first_wall()..];
         for i in 0..model.bodies() {
-            kinetic += model.kinetic(i, state.velocity[i], state.angular_velocity[i]);
-            if state.present[i] {
-                potential += weight_potential(&model, i, state.position[i]);
-            }
             let pull = match model.free_wall(i) {
                 Some(_) => own_force(&model, displaced, i, 0.0).length(),
                 None => model.mass[i] * model.gravity.length(),
             };
             static_scale += pull * model.radius[i];
         }
-        for (i, clump) in model.numbered_clumps() {
-            kinetic += clump.energy_beyond(state.orientation[i], state.angular_velocity[i]);
-        }
-        let at = motion_of(&state, 0.0);
-        potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
-        potential += cohesion::first_potential(&model, &state, &mut scratch);
         Simulation {
             scratch,
             stepper,
@@ -250,15 +243,8 @@ impl Simulation {
             walls.place(&self.model, time);
             let mut at_end = exchange(&self.model, &mut self.state, walls, (number, time));
             at_end.follow(left);
-            if at_end.removed + at_end.entered > 0 && self.model.cohesive_reach() > 0.0 {
-                // What leaves takes its attraction along, and what enters brings its own.
-                let scratch = &mut self.scratch;
-                let rest = cohesion::listed_potential(&self.model, &self.state, scratch)?;
-                let taken = scratch.attraction - rest;
-                match at_end.removed {
-                    0 => at_end.energy_in[1] -= taken,
-                    _ => at_end.energy_out[1] += taken,
-                }
+            if at_end.removed + at_end.entered > 0 {
+                self.sum_anew(&mut report, &mut at_end)?;
             }
             self.recorder.block.events.append(&mut at_end.events);
             report.add_exchange(&at_end);
@@ -279,6 +265,25 @@ impl Simulation {
         if recording.frame_every > 0 && number % recording.frame_every == 0 {
             self.recorder.add_frame(&self.model, &self.state, time);
         }
+        Ok(())
+    }
+
+    /// Energies of what is there after an exchange: sums, for a difference would have the rounding of all that left.
+    fn sum_anew(&mut self, report: &mut StepReport, at_end: &mut Exchange) -> Result<(), Failure> {
+        let (model, state, scratch) = (&self.model, &self.state, &mut self.scratch);
+        let [kinetic, mut potential] = energy::total(model, state, report.time);
+        potential += scratch.elastic;
+        if model.cohesive_reach() > 0.0 {
+            // What leaves takes its attraction along, and what enters brings its own.
+            let rest = cohesion::listed_potential(model, state, scratch)?;
+            let taken = scratch.attraction - rest;
+            match at_end.removed {
+                0 => at_end.energy_in[1] -= taken,
+                _ => at_end.energy_out[1] += taken,
+            }
+            potential += rest;
+        }
+        (report.energy_kinetic, report.energy_potential) = (kinetic, potential);
         Ok(())
     }
 

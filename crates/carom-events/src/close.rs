@@ -26,7 +26,7 @@ impl Run<'_> {
         let (state, report) = (&*self.state, &mut *self.report);
         report.candidates = contacts.len() as u32;
         report.count(islands);
-        let [mut kinetic, mut potential] = self.scratch.left.energy_out;
+        let (mut kinetic, mut potential) = (0.0, 0.0);
         for i in 0..n {
             let (v, w) = (state.velocity[i], state.angular_velocity[i]);
             kinetic += model.kinetic(i, v, w);

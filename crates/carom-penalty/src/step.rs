@@ -237,9 +237,12 @@ impl Penalty {
         let (kinetic, mut potential) = self.energies(model)?;
         potential += self.potential;
         scratch.contacts.clear();
+        scratch.elastic = 0.0;
         for pair in &mut self.pairs {
             pair.end_step();
-            potential += pair.energy(&self.laws.elastic);
+            let elastic = pair.energy(&self.laws.elastic);
+            potential += elastic;
+            scratch.elastic += elastic;
             report.candidates += u32::from(pair.gap < CANDIDATE_MARGIN * pair.length);
             if let (true, Some(law)) = (pair.has_record(), pair.law) {
                 scratch.contacts.push(pair.contact(law));

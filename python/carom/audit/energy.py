@@ -106,10 +106,9 @@ def _last(block: Block, name: str) -> F64:
 
 
 def _record(block: Block, tally: Tally, motion: F64, told: tuple[F64, F64] | None) -> None:
-    """Bound: rounding of a sum over all bodies, in any order, also of those that leave at its end."""
-    run, end = block.run, scale(block)
-    start = np.nansum(rigid.sizes(run, block.x0, block.v0, block.w0, block.c0), axis=1)
-    bound = EPS * (16.0 + run.bodies) * (end + np.where(block.passing.any(axis=1), start, 0.0)) + 1e-300
+    """Bound: rounding of a sum over all bodies, in any order."""
+    run = block.run
+    bound = EPS * (16.0 + run.bodies) * scale(block) + 1e-300
     tally.measure("energy record", np.abs(_last(block, "energy_kinetic") - motion), bound, block.place)
     if told is None:
         why = "the potential of springs of friction, and of contacts with curved walls, is not in the frames"
@@ -167,10 +166,9 @@ def _balance(block: Block, tally: Tally) -> None:
     outer = np.divmod(label[:, -1], run.bodies + 1)
     # What the steps have of the whole, less all other groups, is the outer one's.
     names = ("energy_kinetic", "energy_potential")
-    told = sum(
-        np.concatenate([[start], run.steps[n]]) for n, start in zip(names, _at_start(run), strict=True)
-    )
-    whole = np.asarray(told)[block.s1] - np.asarray(told)[block.s0]
+    told = [np.concatenate([[start], run.steps[n]]) for n, start in zip(names, _at_start(run), strict=True)]
+    total_told = told[0] + told[1]
+    whole = total_told[block.s1] - total_told[block.s0]
     given = [block.total(run.steps[name]) for name in ("energy_work", "energy_in", "energy_out")]
     exchanged = given[0] + given[1] - given[2]
     total = whole - exchanged + np.bincount(c.k, lift - work, minlength=block.count)
@@ -178,7 +176,6 @@ def _balance(block: Block, tally: Tally) -> None:
         gained = np.where(block.there, run.mass * dot(block.v1 - block.v0, run.falls), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     attracted, unsure = _attracted(block)
-    unsure = unsure + np.where(block.there, 0.0, turned_slack).sum(axis=1)
     total = total - attracted - turned.sum(axis=1)
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, at = norm(c.impulse), together(block, speeds(block))
@@ -188,10 +185,13 @@ def _balance(block: Block, tally: Tally) -> None:
     states = (block.x0, block.v0, block.w0, block.c0), (block.x1, block.v1, block.w1, block.c1)
     size = np.maximum(*(rigid.sizes(run, *state) for state in states))
     top = summed(size, np.abs(c.work).sum(axis=1))
-    top[outer] = np.maximum(top.sum(axis=1), np.abs(whole))
+    # Who leaves is in none of these sums, but in those of the record before.
+    record = np.abs(told[0]) + np.abs(told[1])
+    top[outer] = np.maximum.reduce([top.sum(axis=1), record[block.s0], block.over(record[1:])])
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
     bound = summed(_forced(block) + turned_slack, solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top + unsure[:, None]
+    bound[outer] += np.where(block.there, 0.0, turned_slack).sum(axis=1)  # of who leaves
     # Groups on record may have been solved together, and what that leaves is in the size of all of them.
     squares = (
         np.bincount(c.k, moved**2, minlength=block.count),

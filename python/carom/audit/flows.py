@@ -116,13 +116,14 @@ def _depth(run: Run, outlet: tuple[Any, ...], x: F64) -> F64:
     low, high, inside = np.asarray(outlet[0]), np.asarray(outlet[1]), bool(outlet[2])
     if run.period is not None:
         length = np.where(run.period > 0.0, run.period, np.inf)
+        repeats = np.isfinite(length)
         with np.errstate(invalid="ignore"):
-            x = np.where(
-                np.isfinite(length),
-                x + np.ceil((low - x) / length) * np.where(np.isfinite(length), length, 0.0),
-                x,
-            )
-    depth = np.minimum(x - low, high - x).min(axis=-1)
+            above = x + np.where(repeats, np.ceil((low - x) / length) * run.period, 0.0)
+        # Of the images next to its low side the deeper one counts: a place a rounding below it is not a period within.
+        images = [above, above - np.where(repeats, run.period, 0.0)]
+    else:
+        images = [x]
+    depth = np.max([np.minimum(at - low, high - at) for at in images], axis=0).min(axis=-1)
     return np.asarray(depth if inside else -depth)
 
 

@@ -82,15 +82,20 @@ def near(block: Block) -> Near:
 
 def _apart_from_passing(block: Block, possible: F64, free: Bool) -> None:
     """Takes out of the `free` those that a body may have touched that came or went."""
-    run, reach = block.run, block.run.radius * (1.0 + MARGIN) + possible
-    for k, body in np.argwhere(block.passing):
-        here = [end for end in (0, 1) if np.isfinite((block.x0, block.x1)[end][k, body]).all()]
-        if not here:  # it came and went: where, no frame tells
-            free[k] = False
-            continue
-        x, time = (block.x1, block.t1) if here[0] else (block.x0, block.t0)
-        apart = norm(run.between(np.full(run.bodies, time[k]), x[k], x[k, body]))
-        free[k, apart <= reach[k] + reach[k, body]] = False
+    run, passing = block.run, block.passing[:, : block.run.balls]
+    radius = run.radius[: run.balls] * (1.0 + MARGIN)
+    unseen = passing.copy()
+    for x, time in ((block.x0, block.t0), (block.x1, block.t1)):
+        seen = np.asarray(np.isfinite(x[:, : run.balls]).all(axis=2))
+        for k in np.flatnonzero((passing & seen).any(axis=1)):
+            here = np.flatnonzero(seen[k])
+            reach = radius[here] + possible[k, here]
+            a, b = (here[of] for of in neighbours(x[k, here], reach, run.box.packed(time[k])))
+            one = passing[k, a] | passing[k, b]
+            free[k, a[one]] = free[k, b[one]] = False
+        unseen &= ~seen
+    free[unseen.any(axis=1)] = False  # it came and went: where, no frame tells
+    free[passing.any(axis=1), run.balls :] = False
 
 
 def _balls(block: Block, way: F64, far: Bool) -> tuple[I64, I64, I64, F64]:

@@ -41,6 +41,25 @@ def frames(block: Block, tally: Tally) -> None:
     off = np.abs(norm(block.q1) - 1.0)
     # The simulator normalises after every step; what the scenario gives is normalised too.
     tally.measure("quaternion", off, 8.0 * EPS, block.per_body, here)
+    _absent(block, tally)
+
+
+def _absent(block: Block, tally: Tally) -> None:
+    """What is absent has no place and no velocity, and keeps its orientation to rounding."""
+    run, rows = block.run, slice(block.first - 1, block.first + block.count)
+    x, v, w, q = run.state(rows)
+    gone = ~run.present(rows)
+    tables = [(x, v, w, q, gone, block.per_body)]
+    if run.clumps:
+        c = run.motion_of_clumps(rows)
+        tables.append(
+            (c[..., :3], c[..., 7:10], c[..., 10:], c[..., 3:7], gone[:, run.rigid.first], block.per_clump)
+        )
+    for place, fast, spin, turn, away, where in tables:
+        told = np.isfinite(place) | (fast != 0.0) | (spin != 0.0)
+        tally.measure("numbers", told[1:].sum(axis=-1), 0.0, where, away[1:])
+        turned = norm(turn[1:] - turn[:-1]) > 8.0 * EPS * block.n[:, None]  # which each step normalises
+        tally.measure("numbers", turned, 0.0, where, away[1:] & away[:-1])
 
 
 def _numbers(run: Run, tally: Tally) -> None:

@@ -88,7 +88,7 @@ def _flow(summary: Mapping[str, Any], result: Result) -> str:
         return ""
     coming = sum(inflow.count for inflow in result.scene.inflows)
     entered = f"{summary['entered']} of {counted(coming, 'ball')} entered, " if coming else ""
-    return f"flow        {entered}{summary['removed']}{'' if coming else ' balls'} left"
+    return f"flow        {entered}{counted(summary['removed'], 'ball')} left"
 
 
 def _handed(summary: Mapping[str, Any]) -> str:

@@ -1,8 +1,8 @@
 //! Lets balls enter and leave between two steps.
 
+use crate::energy;
 use crate::flow::room::Room;
 use crate::flow::{Event, Exchange, Inflow, Outlet};
-use crate::force::total::weight_potential;
 use crate::model::Model;
 use crate::state::State;
 use crate::wall::places::{displacement, Walls};
@@ -38,21 +38,6 @@ pub(crate) fn exchange(
     exchange
 }
 
-fn energy(model: &Model, state: &State, i: usize) -> [f64; 2] {
-    let (v, w) = (state.velocity[i], state.angular_velocity[i]);
-    let clump = model.as_clump(i as u32).map(|k| &model.clumps[k]);
-    let beyond = clump.map_or(0.0, |c| c.energy_beyond(state.orientation[i], w));
-    [
-        model.kinetic(i, v, w) + beyond,
-        weight_potential(model, i, state.position[i]),
-    ]
-}
-
-fn add(sum: &mut [f64; 2], part: [f64; 2]) {
-    sum[0] += part[0];
-    sum[1] += part[1];
-}
-
 /// Whether body `i` is where an outlet takes it.
 pub fn is_out(model: &Model, state: &State, i: usize) -> bool {
     let x = state.position[i];
@@ -68,7 +53,7 @@ pub fn take_out(
     at: (u64, f64),
     exchange: &mut Exchange,
 ) {
-    add(&mut exchange.energy_out, energy(model, state, i));
+    energy::add(&mut exchange.energy_out, energy::of_body(model, state, i));
     state.set_absent(i);
     for ball in model.balls_of(i) {
         state.set_absent(ball);
@@ -109,7 +94,7 @@ fn admit(
             state.set_present(i, x, velocity, model.gravity);
             state.entered[index] += 1;
             room.add(x, model.radius[i]);
-            add(&mut exchange.energy_in, energy(model, state, i));
+            energy::add(&mut exchange.energy_in, energy::of_body(model, state, i));
             exchange.entered += 1;
             exchange.events.push(Event::new((step, time), body, true));
         }

@@ -56,7 +56,7 @@ class Taker(Builder):
             # Velocities of a scene are against its mean flow.
             flow = box.flow_velocity(np.asarray(result.position[frame]))
             state["velocity"] = (np.asarray(result.velocity[frame]) - flow).tolist()
-        there = np.flatnonzero(np.isfinite(np.asarray(result.position[frame])).all(axis=1)).tolist()
+        there = np.flatnonzero(np.asarray(result.present[frame])).tolist()
         parts = {k for clump in result.clumps.values() for k in clump.numbers.tolist()}
         taken: list[Sphere | Clump] = []
         for k in there:

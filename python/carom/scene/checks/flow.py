@@ -125,19 +125,22 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
     held = {reference.name for reference in references(parts.entries)}
     if any(drag.on == ALL for _, drag in parts.tables(Drag)):
         held.update(bodies.names)
-    free = np.array([name not in held for name in bodies.names]) & bodies.present
-    places, clumps = bodies.position.copy(), dict(parts.tables(Clump))
+    there, clumps = bodies.present.copy(), dict(parts.tables(Clump))
+    places, names = bodies.position.copy(), list(bodies.names)
     for segment in bodies.segments:
-        if segment.section == "clump":  # which leaves by its centre of mass
-            places[segment.start : segment.stop] = clumps[segment.index].middle()
+        if segment.section == "clump":  # which leaves by its centre of mass; its first ball stands for it
+            clump = clumps[segment.index]
+            places[segment.start], names[segment.start] = clump.middle(), clump.name
+            there[segment.start + 1 : segment.stop] = False
+    free = there & [name not in held for name in bodies.names]
     for i, outlet in parts.tables(Outlet):
         gone = np.flatnonzero(free & (_within(parts, outlet, places) == outlet.inside))
         cure = "move the balls or the outlet, or write the other value of inside"
-        if len(gone) and len(gone) == bodies.present.sum():
+        if len(gone) and len(gone) == there.sum():
             cause = "all balls that are there at the start leave at once: they start where it removes them"
             yield Finding(("outlet", i), cause, cure)
         elif len(gone):
-            name = quoted(bodies.names[gone[0]])
+            name = quoted(names[gone[0]])
             others = f", like {counted(len(gone) - 1, 'other')}" if len(gone) > 1 else ""
             cause = f"{name} leaves at once: it starts where balls are removed{others}"
             yield Finding(("outlet", i), cause, cure)

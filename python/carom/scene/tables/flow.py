@@ -211,14 +211,14 @@ def _radii(law: Sizes, seed: int, count: int) -> F64:
 
 
 class Outlet(Table):
-    """A box: balls whose centre is in it (or outside of it) leave the run. In a periodic world any image counts."""
+    """A box: bodies whose centre is in it (or outside of it) leave the run. In a periodic world any image counts."""
 
     section: ClassVar[str] = "outlet"
 
     low: Position = key("lowest corner", "m", examples=[[-1.0, -1.0, -0.2]])
     high: Position = key("highest corner", "m", examples=[[1.0, 1.0, -0.1]])
     inside: Annotated[bool, Flag()] = key(
-        "true: balls inside (in a periodic world: an image inside) leave; false: all others leave",
+        "true: bodies inside (in a periodic world: an image inside) leave; false: all others leave",
         default=True,
     )
 

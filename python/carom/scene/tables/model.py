@@ -172,7 +172,7 @@ class Scenario(Table):
     clump: list[Clump] = key("rigid bodies made of spheres", default_factory=list)
     packing: list[Packing] = key("random packings of balls", default_factory=list)
     inflow: list[Inflow] = key("balls that enter in the course of the run", default_factory=list)
-    outlet: list[Outlet] = key("boxes in which balls leave the run", default_factory=list)
+    outlet: list[Outlet] = key("boxes in which balls and clumps leave the run", default_factory=list)
     plane: list[Plane] = key("half-spaces and pieces of planes", default_factory=list)
     cylinder: list[Cylinder] = key("circular tubes as walls", default_factory=list)
     ball_wall: list[BallWall] = key("spheres as walls", default_factory=list)
