@@ -42,7 +42,8 @@ pub(crate) fn exchange(
 pub fn is_out(model: &Model, state: &State, i: usize) -> bool {
     let x = state.position[i];
     let leaves = |o: &Outlet| model.periodic.in_box(x, o.low, o.high) == o.inside;
-    state.present[i] && model.flow.outlets.iter().any(leaves) && !model.flow.held[i]
+    let free = state.present[i] && !model.flow.held.get(i).is_some_and(|&held| held);
+    free && model.flow.outlets.iter().any(leaves)
 }
 
 /// Takes body `i` out with its balls, where it is, in a step of this number at a time, s.
