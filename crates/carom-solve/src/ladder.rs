@@ -158,7 +158,7 @@ const fn round(relaxation: f64, patience: u32) -> Method {
 pub const ISLAND: [Rung<IslandWay, IslandWhen>; 4] = [
     rung("sweeps",     IslandWay::Sweeps,     2_000,    IslandWhen::Coarse, "many contacts, whose factors fill up, and a tolerance that sweeps reach"),
     rung("newton",     IslandWay::Newton,     u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
-    rung("linearised", IslandWay::Linearised, 12,       IslandWhen::Linearised,  "hyperstatic islands, where Newton goes round in circles"),
+    rung("linearised", IslandWay::Linearised, 12,       IslandWhen::Linearised, "hyperstatic islands, where Newton goes round in circles"),
     rung("companion",  IslandWay::Companion,  12,       IslandWhen::Last,   "no solution, or none that is found: what slides moves apart"),
 ];
 
