@@ -82,17 +82,24 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
             return Err(entry("outlet", index, "box", text));
         }
     }
-    let bodies = n + input.clumps.len();
-    let mut stay = vec![false; if input.outlet.is_empty() { 0 } else { bodies }];
-    let of_clumps = input.clumps.iter().flat_map(|c| c.balls.clone());
-    for body in held_bodies(input).chain(of_clumps.map(|ball| ball as u32)) {
-        if let Some(stays) = stay.get_mut(body as usize) {
-            *stays = true;
-        }
-    }
     Ok(Flow {
         inflows: input.inflow.clone(),
         outlets: input.outlet.clone(),
-        held: stay,
+        held: held(input),
     })
+}
+
+/// Of each ball and clump whether outlets leave it: what joints or loads hold, and balls of clumps, which leave with these.
+fn held(input: &ModelInput) -> Vec<bool> {
+    if input.outlet.is_empty() {
+        return Vec::new();
+    }
+    let mut held = vec![false; input.radius.len() + input.clumps.len()];
+    let of_clumps = input.clumps.iter().flat_map(|c| c.balls.clone());
+    for body in held_bodies(input).chain(of_clumps.map(|ball| ball as u32)) {
+        if let Some(held) = held.get_mut(body as usize) {
+            *held = true;
+        }
+    }
+    held
 }

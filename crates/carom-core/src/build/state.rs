@@ -61,6 +61,14 @@ impl State {
         })
     }
 
+    /// Whether each clump is there with all its balls, or with none.
+    fn has_whole_clumps(&self, model: &Model) -> bool {
+        let whole = |(i, clump): (usize, &Clump)| {
+            (clump.balls.clone()).all(|ball| self.present[ball] == self.present[i])
+        };
+        model.numbered_clumps().all(whole)
+    }
+
     /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
     pub fn check(&self, model: &Model) -> Result<(), ModelError> {
         let refuse = |text: String| Err(ModelError::State(text));
@@ -91,10 +99,7 @@ impl State {
         {
             return refuse("present and entered are of another model".to_owned());
         }
-        let whole = |(i, clump): (usize, &Clump)| {
-            (clump.balls.clone()).all(|ball| self.present[ball] == self.present[i])
-        };
-        if !model.numbered_clumps().all(whole) {
+        if !self.has_whole_clumps(model) {
             return refuse("present has parts of a clump".to_owned());
         }
         let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
