@@ -213,6 +213,7 @@ fn asked(tolerance: f64, most: usize) -> Goal {
         floor: 0.0,
         scale: 0.0,
         closing: f64::INFINITY,
+        worst: 1.0,
         penalty_scale: 1.0,
         patience: usize::MAX,
         most,

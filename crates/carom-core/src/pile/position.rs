@@ -184,6 +184,7 @@ impl Pile {
             floor: self.mean(|i| model.mass[i] * share * model.radius[i]),
             scale: 0.0,
             closing: rough * overlap(tolerance, contacts) * smallest,
+            worst: 1.0,
             penalty_scale: o.penalty_scale,
             patience,
             most,

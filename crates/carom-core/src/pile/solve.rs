@@ -188,16 +188,12 @@ impl Pile {
 
     fn goal(&self, model: &Model, problem: u32) -> Goal {
         let o = &model.options;
-        // What a sequence that was cut short leaves is no load: the next step has it as an impact.
-        let end = match problem {
-            0 | 1 => 1.0,
-            _ => worst(self.velocity.chosen.len()),
-        };
         Goal {
             tolerance: tolerance(model),
             floor: self.velocity.floor,
             scale: self.velocity.terms,
-            closing: end * self.velocity.left(o),
+            closing: self.velocity.left(o),
+            worst: worst(self.velocity.chosen.len()),
             penalty_scale: o.penalty_scale,
             patience: PATIENCE,
             most: budget(self.velocity.chosen.len()),

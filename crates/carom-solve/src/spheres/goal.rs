@@ -7,6 +7,10 @@ pub const LENIENCE: f64 = 10.0;
 /// Sweeps (1) in which the bound becomes as wide. Few, contacts are left open that would still have converged.
 const WIDENED: f64 = 3_000.0;
 
+/// Sweeps (1) after which the worst contact may be as bad as [`Goal::worst`] says. Few: what nearly rests is left to move. Many: silos of 100 000
+/// grains take twice as long.
+const WORST_FROM: f64 = 60.0;
+
 /// Norms of eq. 44 with `p = penalty_scale / w`, in the unit of the impulses, and the worst violation of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Norms {
@@ -36,6 +40,9 @@ pub struct Goal {
     pub scale: f64,
     /// Bound of [`Norms::closing`].
     pub closing: f64,
+    /// By how much the worst contact may miss it (1) once [`WORST_FROM`] sweeps are made: of very many contacts that flow, sweeps for the last few
+    /// are most of all.
+    pub worst: f64,
     pub penalty_scale: f64,
     /// Sweeps from which on the bound of the worst contact widens, up to [`LENIENCE`] times: now and then a contact goes round in
     /// circles (stick, slip and open in turn) while all others have long agreed.
@@ -73,11 +80,12 @@ impl Goal {
 
     pub(super) fn judge(&self, norms: &Norms, sweeps: usize) -> Progress {
         let residual = self.relative(norms);
-        let strict = norms.closing <= self.closing;
-        // The bound widens slowly: what is close to it after so long need not wait, and what is far from it may still come.
+        // Bounds widen slowly: what is close to them after so long need not wait, and what is far from them may still come.
+        let bound = self.worst.powf((sweeps as f64 / WORST_FROM).min(1.0)) * self.closing;
+        let strict = norms.closing <= bound;
         let late = sweeps.saturating_sub(self.patience) as f64 / WIDENED;
         let lenient =
-            sweeps >= self.patience && norms.closing <= LENIENCE.powf(late.min(1.0)) * self.closing;
+            sweeps >= self.patience && norms.closing <= LENIENCE.powf(late.min(1.0)) * bound;
         Progress {
             sweeps,
             residual,

@@ -37,6 +37,7 @@ fn the_bits_do_not_depend_on_threads_or_instructions() {
             floor: 0.0,
             scale: 0.0,
             closing: 1e-12,
+            worst: 1.0,
             penalty_scale: 0.5,
             patience: usize::MAX,
             most: 24,

@@ -47,6 +47,7 @@ const GOAL: Goal = Goal {
     floor: 0.0,
     scale: 0.0,
     closing: 1e-8,
+    worst: 1.0,
     penalty_scale: 0.5,
     patience: usize::MAX,
     most: 2_000,

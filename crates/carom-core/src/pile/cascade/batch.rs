@@ -100,6 +100,7 @@ impl Batch {
             scale: velocity.terms
                 * (cluster.contacts.len() as f64 / velocity.closed.len() as f64).sqrt(),
             closing: velocity.left(o),
+            worst: 1.0,
             penalty_scale: o.penalty_scale,
             patience: usize::MAX,
             most: 0,
