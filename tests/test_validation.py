@@ -107,3 +107,14 @@ def test_a_poured_heap_stands_still_and_is_the_same_on_two_threads() -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "the same bits" in done.stdout
+
+
+def test_laws_compared_bring_mirrored_balls_to_rest_together() -> None:
+    command = [sys.executable, str(VALIDATION / "5.6" / "compare.py")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    rows = [line.split("  ") for line in done.stdout.splitlines()[-4:]]
+    for law, ball2, _, ball4, ball5, unconverged in ([cell for cell in row if cell][:6] for row in rows):
+        assert ball4 == ball5, law
+        assert 0.9 < float(ball2) < float(ball4), law
+        assert int(unconverged) == 0, law

@@ -18,7 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
-from carom import CaromWarning, Result
+from carom import CaromWarning, Result, events
 from carom.reproduce import demo
 from common import SCENARIOS, model_of, run, table
 from measure import BALLS, LAWS, SCENARIO
@@ -82,12 +82,13 @@ def rest() -> str:
     rows = []
     for law, h in itertools.product(LAWS, (1e-3, 1e-4)):
         with _simulated(ROLLING, h, UNTIL, law) as result:
-            times = demo.rest_times(result)
+            rested = events.rest(result, speed=demo.REST_SPEED, ignore_spin=True)
+            times = {event.body: event.time for event in rested}
             deepest, rise = (
                 result.summary["penetration_max_relative"],
                 result.summary["energy"]["max_rise_relative"],
             )
-            told = [f"{t:.3f}" if t is not None else "moves" for t in (times[name] for name in BALLS)]
+            told = [f"{times[name]:.3f}" if name in times else "moves" for name in BALLS]
             lost = str(result.summary["unconverged"])
             rows.append([f"{law}, h = {h:g}", *told, lost, f"{deepest:.0e}", f"{rise:.0e}"])
     return table(["law, step (s)", *BALLS, "unconverged", "penetration (r)", "energy rise"], rows)

@@ -149,4 +149,8 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt as stopped:
+        print(f"\n{stopped}; --resume goes on with it", file=sys.stderr)
+        sys.exit(130)
