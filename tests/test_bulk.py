@@ -15,6 +15,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent.parent / "validation" / "bulk"))
 
 import measure
+import report
 import targets
 from scenes import DENSITY, SETTLING, SMALL, WHOLE, Drum, Silo
 
@@ -143,6 +144,15 @@ def test_the_drum_turns_upwards_at_positive_x_once_its_grains_have_settled() -> 
     assert kinds.time[0] == pytest.approx(0.0)
     assert kinds.counts["zone2_M1"][0] + kinds.counts["zone2_M2"][0] == pytest.approx(95, abs=20)
     assert kinds.counts["zone2_M1"][-1] < kinds.counts["zone2_M1"][0]
+
+
+@pytest.mark.parametrize("size", ["whole", "small"])
+def test_the_page_has_the_tables_of_the_numbers_beside_it(size: str) -> None:
+    page = BULK.parent.parent.parent / "docs" / "validation" / "bulk.md"
+    cases = WHOLE if size == "whole" else SMALL
+    stems = {name: page.parent / "bulk" / f"{size}-{name}" for name in cases}
+    kept = [report.Found.kept(name, cases[name], stems[name], whole=size == "whole") for name in cases]
+    assert report.text(kept) in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.long

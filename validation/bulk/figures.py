@@ -76,6 +76,7 @@ def _drum(found: Found, both: np.ndarray) -> None:
 def _slices(found: Found, several: list[Axes]) -> None:
     """What the plane y = 0 cuts of the grains: when all begins, at the end or half empty, and between if there is room."""
     result, case = found.result, found.case
+    assert result is not None
     times = np.asarray(result.time)
     start = int(np.argmin(np.abs(times - SETTLING)))
     first, end = result.position[start], len(times) - 1

@@ -14,7 +14,7 @@ import measure
 import numpy as np
 import targets
 from carom import Result
-from scenes import PART, SCALE, SETTLING, Case, Drum, Silo
+from scenes import PART, SCALE, SETTLING, SMALL, WHOLE, Case, Drum, Silo
 from targets import Check
 
 #: Where on the page the tables of each size are put.
@@ -42,7 +42,8 @@ class Found:
     name: str
     case: Case
     whole: bool
-    result: Result
+    result: Result | None
+    """None: known by the page alone."""
     ours: measure.Curves
     others: dict[str, measure.Curves]
     """Published curves, scaled to this size."""
@@ -76,12 +77,23 @@ class Found:
             found.others = measure.published(name) if whole else {}
             found._silo(case)
         else:
-            found.others = {key: scaled(c, whole) for key, c in measure.published(name).items()}
             found._drum(case)
         found._time()
         if audit:
             found._audit(place)
         found.numbers["checks"] = [vars(check) for check in found.checks]
+        return found
+
+    @classmethod
+    def kept(cls, name: str, case: Case, stem: Path, *, whole: bool) -> Found:
+        """What [`Found.write`] has kept of an earlier run."""
+        curves, numbers = (stem.with_name(stem.name + end) for end in (".csv", ".json"))
+        found = cls(
+            name, case, whole, None, measure.Curves.of_csv(curves), {}, json.loads(numbers.read_text("utf-8"))
+        )
+        if isinstance(case, Drum):
+            found._drum(case)
+        found.checks = [Check(**check) for check in found.numbers["checks"]]
         return found
 
     def _silo(self, case: Silo) -> None:
@@ -114,6 +126,7 @@ class Found:
 
     def _drum(self, case: Drum) -> None:
         """Peaks and troughs, beside those of the mean of the published curves."""
+        self.others = {key: scaled(c, self.whole) for key, c in measure.published(self.name).items()}
         if len(self.ours.time) < 3:
             return
         self.pairs = measure.pairs(self.ours, measure.mean(list(self.others.values())))
@@ -310,13 +323,21 @@ def ratio(found: Sequence[Found]) -> list[list[str]]:
 
 
 def write_page(found: Sequence[Found], page: Path) -> None:
-    """The tables between their marks, and curves and figures in a folder of the page's name."""
-    (page.parent / page.stem).mkdir(exist_ok=True)
+    """The tables between their marks, and curves and figures in a folder of the page's name; other cases keep their rows."""
+    folder = page.parent / page.stem
+    folder.mkdir(exist_ok=True)
+    for f in found:
+        f.write(folder / f"{f.size}-{f.name}")
     for size in dict.fromkeys(f.size for f in found):
         begin, end = MARKS[size]
         before, rest = page.read_text("utf-8").split(begin)
         _, after = rest.split(end)
-        own = [f for f in found if f.size == size]
-        page.write_text(f"{before}{begin}\n\n{text(own)}\n{end}{after}", "utf-8")
-    for f in found:
-        f.write(page.parent / page.stem / f"{f.size}-{f.name}")
+        new = {f.name: f for f in found if f.size == size}
+        rows = []
+        for name, case in (WHOLE if size == "whole" else SMALL).items():
+            stem = folder / f"{size}-{name}"
+            if name in new:
+                rows.append(new[name])
+            elif stem.with_name(stem.name + ".json").is_file():
+                rows.append(Found.kept(name, case, stem, whole=size == "whole"))
+        page.write_text(f"{before}{begin}\n\n{text(rows)}\n{end}{after}", "utf-8")

@@ -259,7 +259,7 @@ def relaunch(
         scene = old.overridden(options, places) if places else old.with_options(**options)
     run = Run(scene)
     about = continued(directory)
-    before = old.to_model()
+    before = old.to_model() if options else run.model
     was = identify(before)
     if was not in changes.identities(about):
         raise CaromError(
