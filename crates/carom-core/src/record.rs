@@ -88,7 +88,6 @@ pub struct Recorder {
     /// Of the walls, the same.
     pub open_walls: Vec<[DVec3; 2]>,
     drop_impacts: bool,
-    merged: Vec<ContactRecord>,
     /// Normals of the free walls, the last bodies; clumps are between balls and these.
     free_walls: Vec<DVec3>,
     clumps: usize,
@@ -178,38 +177,15 @@ impl Recorder {
 
     /// Merges the step's contacts into the open records; both are sorted by key.
     fn accumulate(&mut self, contacts: &[Contact]) {
+        let known = self.open.len();
         let mut cursor = 0;
-        let mut missing = false;
-        for c in contacts {
-            if !c.acts() {
-                continue;
-            }
-            let key = (c.a, c.b);
-            while cursor < self.open.len() && self.open[cursor].key < key {
-                cursor += 1;
-            }
-            if cursor < self.open.len() && self.open[cursor].key == key {
-                add(c, &mut self.open[cursor]);
-            } else {
-                missing = true;
-            }
-        }
-        if missing {
-            self.insert_missing(contacts);
-        }
-    }
-
-    fn insert_missing(&mut self, contacts: &[Contact]) {
-        self.merged.clear();
-        let mut old = self.open.iter().peekable();
         for c in contacts.iter().filter(|c| c.acts()) {
             let key = (c.a, c.b);
-            while let Some(record) = old.next_if(|r| r.key < key) {
-                self.merged.push(*record);
+            while cursor < known && self.open[cursor].key < key {
+                cursor += 1;
             }
-            // A record with this key has already been added to.
-            if let Some(record) = old.next_if(|r| r.key == key) {
-                self.merged.push(*record);
+            if cursor < known && self.open[cursor].key == key {
+                add(c, &mut self.open[cursor]);
                 continue;
             }
             let mut record = ContactRecord {
@@ -217,10 +193,12 @@ impl Recorder {
                 ..ContactRecord::default()
             };
             add(c, &mut record);
-            self.merged.push(record);
+            self.open.push(record);
         }
-        self.merged.extend(old);
-        std::mem::swap(&mut self.open, &mut self.merged);
+        if self.open.len() > known {
+            // Two sorted runs, which this merges.
+            self.open.sort_by_key(|record| record.key);
+        }
     }
 
     /// Closes a frame: state and the contacts since the last one.

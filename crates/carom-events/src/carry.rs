@@ -59,13 +59,13 @@ impl Run<'_> {
             if wall.shape.clearance(x, r) > JOINS * r {
                 return None;
             }
-            let met = wall.shape.meet(x, r)?;
+            let met = wall.shape.meet(x, r);
             let n = met.normal;
             let g = -model.gravity.dot(n);
             // What comes down meets it first; what has hardly left it has not.
             let rises = v.dot(n);
             let stays = 2.0 * rises <= FLIGHT * g && rises >= -self.nothing(r).speed;
-            let flat = wall.shape.meet(ahead, r)?.curvature == 0.0 && met.curvature == 0.0;
+            let flat = wall.shape.meet(ahead, r).curvature == 0.0 && met.curvature == 0.0;
             if !(g > 0.0 && is_level(n, model.gravity) && stays && flat) {
                 return None;
             }

@@ -46,7 +46,7 @@ impl Run<'_> {
             let (x, r) = (state.position[i], model.radius[i]);
             for wall in &model.walls {
                 if wall.shape.clearance(x, r) < 0.0 {
-                    let gap = wall.shape.meet(x, r).map_or(0.0, |p| p.gap);
+                    let gap = wall.shape.meet(x, r).gap;
                     deepest(gap, r, report);
                 }
             }

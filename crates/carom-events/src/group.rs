@@ -96,7 +96,7 @@ impl Run<'_> {
             let x = motions[i].exact_place(r, &curves[i], t);
             for (w, wall) in model.walls.iter().enumerate() {
                 let joins = wall.shape.clearance(x, r) <= JOINS * r
-                    && wall.shape.meet(x, r).is_some_and(|p| p.gap <= JOINS * r);
+                    && wall.shape.meet(x, r).gap <= JOINS * r;
                 if joins && model.law_of(i, n + w).is_some() {
                     touching.push((i as u32, (n + w) as u32));
                 }

@@ -222,7 +222,7 @@ pub fn wall(
         r,
         end,
         nothing,
-        touches: met.is_some_and(|p| p.gap <= nothing.gap + off[0]),
+        touches: met.gap <= nothing.gap + off[0],
         found: Meeting::Never,
     };
     look.all();
@@ -265,9 +265,8 @@ impl Look<'_> {
                     }
                 }
             }
-            // Refused before (`check.rs`): a cone, a mesh, and what is no wall.
-            Shape::Cone(_) | Shape::Sphere { .. } => {}
-            Shape::Triangle(_) | Shape::Sheet(_) | Shape::Line(_) => {}
+            // Refused before (`check.rs`): a cone, a mesh.
+            Shape::Cone(_) | Shape::Triangle(_) | Shape::Sheet(_) | Shape::Line(_) => {}
         }
     }
 
@@ -385,7 +384,7 @@ impl Look<'_> {
                 .rev()
                 .fold(DVec3::ZERO, |x, c| x * t + *c);
             let met = self.shape.meet(x, self.r);
-            met.is_some_and(|p| p.gap <= self.nothing.gap + value(self.off, t))
+            met.gap <= self.nothing.gap + value(self.off, t)
         };
         let touches = self.touches && f[0].abs() <= self.nothing.gap;
         let meeting = match closes::<N, M>(f, touches, self.end, self.off, self.nothing, near) {
@@ -407,10 +406,8 @@ impl Look<'_> {
             let slope = if k > 0 { v * t + k as f64 * *c } else { v };
             (x * t + *c, slope)
         });
-        let by = self
-            .shape
-            .meet(x, self.r)
-            .map_or(0.0, |p| p.gap / p.normal.dot(v));
+        let met = self.shape.meet(x, self.r);
+        let by = met.gap / met.normal.dot(v);
         // Where it grazes the rate of the gap means nothing.
         if by.abs() <= POLISH * t {
             (t - by).clamp(0.0, self.end)

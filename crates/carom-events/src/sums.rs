@@ -119,12 +119,12 @@ impl Sums {
             let (i, j) = (a as usize, b as usize);
             let met = match model.walls.get(j.wrapping_sub(model.bodies())) {
                 Some(wall) => wall.shape.meet(state.position[i], model.radius[i]),
-                None => Some(carom_geom::sphere_sphere(
+                None => carom_geom::sphere_sphere(
                     state.position[i],
                     model.radius[i],
                     state.position[j],
                     model.radius[j],
-                )),
+                ),
             };
             let mut contact = Contact {
                 a,
@@ -135,7 +135,7 @@ impl Sums {
                 n1: n,
                 t1,
                 t2,
-                gap: met.map_or(0.0, |p| p.gap),
+                gap: met.gap,
                 length: model.radius[i].min(model.radius.get(j).copied().unwrap_or(f64::INFINITY)),
                 work: sum.work,
                 closed: true,

@@ -13,9 +13,8 @@
 //! | [`tangent`] | which two directions span the contact plane |
 //! | [`broad`] | which pairs can meet at all |
 //!
-//! The hot path is made of small inlinable functions ([`sphere_sphere`], [`sphere_plane`], [`tangent_frame`]);
-//! [`pair::proximity`] is the same arithmetic behind the shape x shape table. Nothing here allocates once its
-//! buffers have grown to the size of the problem.
+//! The hot path is made of small inlinable functions ([`sphere_sphere`], [`sphere_plane`], [`tangent_frame`]). Nothing here allocates
+//! once its buffers have grown to the size of the problem.
 
 pub mod broad;
 pub mod mesh;
@@ -27,7 +26,7 @@ pub mod tangent;
 pub use broad::{overlaps, Meeting, NeighbourList, Overlap};
 pub use glam::DVec3;
 pub use mesh::{same_contact, BadTriangle, Mesh};
-pub use pair::{proximity, sphere_plane, sphere_sphere, Proximity};
+pub use pair::{sphere_plane, sphere_sphere, Proximity};
 pub use pair::{Ball, Cone, Cylinder, Disc, Line, Rectangle, Sheet, Triangle};
 pub use periodic::{Periodic, Shear};
 pub use shape::{Displacement, Shape};

@@ -1,8 +1,8 @@
-//! What can be touched: a closed set of shapes.
+//! What spheres can touch beside one another: a closed set of walls.
 //!
 //! An enum and not a trait: the set is known, a `match` is checked for completeness by the compiler, and the
-//! loops over contacts must not call through a pointer. A new shape is a variant here, a row and a column in
-//! [`crate::pair::table`], and one file per cell it fills.
+//! loops over contacts must not call through a pointer. A new one is a variant here and a file
+//! in [`crate::pair`]; the `match`es then do not compile until they are told how. A mesh is many walls: [`crate::mesh`].
 
 use crate::pair;
 use crate::pair::{
@@ -12,14 +12,9 @@ use crate::pair::{
 use crate::pair::{Ball, Cone, Cylinder, Disc, Line, Proximity, Rectangle, Sheet, Triangle};
 use glam::{DQuat, DVec3};
 
-/// A shape. A sphere is placed by its body's centre, walls stand where they are. Lengths in metres.
+/// A wall. Lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// Ball of the given radius (m) about the body's centre.
-    Sphere {
-        /// Radius (m), positive.
-        radius: f64,
-    },
     /// Everything behind an infinite plane: the set `normal . (y - point) <= 0`, in world coordinates.
     HalfSpace {
         /// Any point of the plane (m).
@@ -82,34 +77,33 @@ impl Shape {
         }
     }
 
-    /// How a sphere with centre `x` (m) and radius `r` (m) meets this wall; `None` for shapes that are none.
+    /// How a sphere with centre `x` (m) and radius `r` (m) meets this wall.
     #[inline]
-    pub fn meet(&self, x: DVec3, r: f64) -> Option<Proximity> {
+    pub fn meet(&self, x: DVec3, r: f64) -> Proximity {
         // Planes are in every scene and cost nothing: the others stay out of the way.
         if let Shape::HalfSpace { point, normal } = *self {
-            return Some(sphere_plane(x, r, point, normal));
+            return sphere_plane(x, r, point, normal);
         }
         self.meet_other(x, r)
     }
 
     #[inline(never)]
-    fn meet_other(&self, x: DVec3, r: f64) -> Option<Proximity> {
+    fn meet_other(&self, x: DVec3, r: f64) -> Proximity {
         match *self {
-            Shape::HalfSpace { point, normal } => Some(sphere_plane(x, r, point, normal)),
-            Shape::Sphere { .. } => None,
-            Shape::Rectangle(ref wall) => Some(sphere_rectangle(x, r, wall)),
-            Shape::Disc(ref wall) => Some(sphere_disc(x, r, wall)),
-            Shape::Cylinder(ref wall) => Some(sphere_cylinder(x, r, wall)),
-            Shape::Ball(ref wall) => Some(sphere_ball(x, r, wall)),
-            Shape::Cone(ref wall) => Some(sphere_cone(x, r, wall)),
-            Shape::Triangle(ref wall) => Some(sphere_triangle(x, r, wall)),
-            Shape::Sheet(ref wall) => Some(sphere_sheet(x, r, wall)),
-            Shape::Line(ref wall) => Some(sphere_line(x, r, wall)),
+            Shape::HalfSpace { point, normal } => sphere_plane(x, r, point, normal),
+            Shape::Rectangle(ref wall) => sphere_rectangle(x, r, wall),
+            Shape::Disc(ref wall) => sphere_disc(x, r, wall),
+            Shape::Cylinder(ref wall) => sphere_cylinder(x, r, wall),
+            Shape::Ball(ref wall) => sphere_ball(x, r, wall),
+            Shape::Cone(ref wall) => sphere_cone(x, r, wall),
+            Shape::Triangle(ref wall) => sphere_triangle(x, r, wall),
+            Shape::Sheet(ref wall) => sphere_sheet(x, r, wall),
+            Shape::Line(ref wall) => sphere_line(x, r, wall),
         }
     }
 
     /// Lower bound of the gap of a sphere at this wall (m) that changes by no more than the centre moves, and is the gap
-    /// itself where the sphere is near and on the free side. Infinite for shapes that are no walls.
+    /// itself where the sphere is near and on the free side.
     #[inline]
     pub fn clearance(&self, x: DVec3, r: f64) -> f64 {
         if let Shape::HalfSpace { point, normal } = *self {
@@ -122,7 +116,6 @@ impl Shape {
     fn clearance_other(&self, x: DVec3, r: f64) -> f64 {
         match *self {
             Shape::HalfSpace { point, normal } => normal.dot(x - point) - r,
-            Shape::Sphere { .. } => f64::INFINITY,
             Shape::Rectangle(ref wall) => pair::sphere_rectangle::distance(x, wall) - r,
             Shape::Disc(ref wall) => pair::sphere_disc::distance(x, wall) - r,
             Shape::Cylinder(ref wall) => pair::sphere_cylinder::distance(x, wall) - r,
@@ -139,7 +132,6 @@ impl Shape {
     pub fn place(&self) -> DVec3 {
         match *self {
             Shape::HalfSpace { point, .. } => point,
-            Shape::Sphere { .. } => DVec3::ZERO,
             Shape::Rectangle(wall) => wall.centre,
             Shape::Disc(wall) => wall.centre,
             Shape::Cylinder(wall) => wall.centre,
@@ -158,7 +150,6 @@ impl Shape {
                 point: by.point(point),
                 normal: by.direction(normal),
             },
-            sphere @ Shape::Sphere { .. } => sphere,
             Shape::Rectangle(wall) => Shape::Rectangle(Rectangle {
                 centre: by.point(wall.centre),
                 normal: by.direction(wall.normal),

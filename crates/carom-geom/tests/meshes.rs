@@ -14,7 +14,7 @@ fn met(mesh: &Mesh, placed: &[Shape], x: DVec3, r: f64, reach: f64) -> Vec<(usiz
     found.dedup();
     let mut kept: Vec<(usize, Proximity)> = Vec::new();
     for wall in found {
-        let at = placed[wall].meet(x, r).expect("a wall");
+        let at = placed[wall].meet(x, r);
         if !kept.iter().any(|k| same_contact(&k.1, &at, r)) {
             kept.push((wall, at));
         }

@@ -37,8 +37,7 @@ impl Scene {
                 }
             }
             for (w, wall) in self.walls.iter().enumerate() {
-                let gap = wall.meet(self.x[a], self.radius[a]).map(|p| p.gap);
-                if gap.is_some_and(|g| g <= self.need[a]) {
+                if wall.meet(self.x[a], self.radius[a]).gap <= self.need[a] {
                     pairs.push((a as u32, (n + w) as u32));
                 }
             }
@@ -77,9 +76,7 @@ impl Scene {
                     self.x[j],
                     self.radius[j],
                 ),
-                Some(w) => self.walls[w]
-                    .meet(self.x[i], self.radius[i])
-                    .expect("a wall"),
+                Some(w) => self.walls[w].meet(self.x[i], self.radius[i]),
             };
             assert_eq!(m.proximity, expected);
         }
@@ -287,7 +284,7 @@ proptest! {
                     scene.radius[i].min(scene.radius[j]),
                 ),
                 Some(w) => (
-                    scene.walls[w].meet(scene.x[i], scene.radius[i]).expect("a wall").gap,
+                    scene.walls[w].meet(scene.x[i], scene.radius[i]).gap,
                     scene.radius[i],
                 ),
             };

@@ -1,10 +1,8 @@
 //! Spheres and planes against finite differences, by the checker of all pairs (`common`).
-//!
-//! A new cell of the table adds one call of `check_derivatives`.
 
 mod common;
 
-use carom_geom::{proximity, sphere_plane, sphere_sphere, Shape};
+use carom_geom::{sphere_plane, sphere_sphere};
 use common::{check_derivatives, unit, vector};
 use proptest::prelude::*;
 
@@ -29,15 +27,5 @@ proptest! {
         prop_assert!((sphere.gap - plane.gap).abs() < 1e-6);
         prop_assert!((sphere.normal - plane.normal).length() < 1e-6);
         prop_assert!((sphere.curvature - plane.curvature).abs() < 1e-6);
-    }
-
-    #[test]
-    fn the_table_is_the_functions_and_its_mirror(a in vector(1.0), b in vector(1.0), point in vector(1.0), n in unit()) {
-        let (small, large) = (Shape::Sphere { radius: 0.2 }, Shape::Sphere { radius: 0.7 });
-        let wall = Shape::HalfSpace { point, normal: n };
-        prop_assert_eq!(proximity(&small, a, &large, b), Some(sphere_sphere(a, 0.2, b, 0.7)));
-        prop_assert_eq!(proximity(&small, a, &wall, b), Some(sphere_plane(a, 0.2, point, n)));
-        prop_assert_eq!(proximity(&wall, b, &small, a), Some(sphere_plane(a, 0.2, point, n).mirrored()));
-        prop_assert_eq!(proximity(&wall, a, &wall, b), None);
     }
 }

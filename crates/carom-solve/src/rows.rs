@@ -96,17 +96,8 @@ pub trait Subproblem {
     fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]);
 }
 
-/// Measures that are linear in `u` (velocity level: gradients frozen at the corrected positions).
-pub struct Linear;
-
-impl Subproblem for Linear {
-    #[inline]
-    fn evaluate(&mut self, system: &mut RowSystem, u: &[f64], z: &mut [f64]) {
-        system.linear_measures(u, z);
-    }
-}
-
-/// Measures that are linear in `u`, along rows of their own; none: those of the impulses.
+/// Measures that are linear in `u` (velocity level: gradients frozen at the corrected positions), along rows of their own; none: those of the
+/// impulses.
 pub struct Measured<'a>(pub &'a [[[f64; NODE_DOF]; 2]]);
 
 impl Measured<'_> {

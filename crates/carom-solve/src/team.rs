@@ -7,6 +7,7 @@
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -236,8 +237,8 @@ pub fn map<T: Send, R: Send>(
 }
 
 /// Items (1) that a thread takes at a time from a list of small ones. Few, threads quarrel about the ticket; many, one works
-/// while others wait.
-const SHARE: usize = 2_048;
+/// while others wait. Sums over shares follow their order: another value changes results in their last bits.
+pub const SHARE: usize = 2_048;
 
 /// Slices, of which several may be cut at the same place.
 pub trait Cut: Sized + Send {
@@ -253,6 +254,13 @@ impl<T: Send> Cut for &mut [T] {
 impl<T: Sync> Cut for &[T] {
     fn cut(self, at: usize) -> (Self, Self) {
         self.split_at(at)
+    }
+}
+
+impl Cut for Range<usize> {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let middle = self.start + at;
+        (self.start..middle, middle..self.end)
     }
 }
 

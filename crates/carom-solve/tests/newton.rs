@@ -3,7 +3,7 @@
 mod common;
 
 use carom_solve::problem::Problem;
-use carom_solve::rows::{Linear, RowSystem, Subproblem, NODE_DOF, WORLD};
+use carom_solve::rows::{Measured, RowSystem, Subproblem, NODE_DOF, WORLD};
 use carom_solve::single::SingleContact;
 use carom_solve::solver::sweep::ConeSweeps;
 use carom_solve::{Bounds, NewtonOptions};
@@ -200,7 +200,7 @@ fn gauss_seidel_and_newton_agree_where_the_solution_is_unique() {
                 draw.uniform(-1.0, if r == 0 { 0.2 } else { 1.0 })
             });
             let (lambda, u) = by_sweeps(&system);
-            let s = solve(&mut system, &mut Linear, &sharp());
+            let s = solve(&mut system, &mut Measured(&[]), &sharp());
             assert!(s.report.converged);
             let scale = largest(&s.u);
             for (a, b) in u.iter().zip(&s.u) {
@@ -238,10 +238,10 @@ fn dense_and_sparse_find_the_same_velocities_without_friction() {
     let mut worst = 0.0f64;
     for _ in 0..200 {
         let (mut system, _) = random_problem(&mut rng, 10, false, false);
-        let dense = solve(&mut system, &mut Linear, &sharp());
+        let dense = solve(&mut system, &mut Measured(&[]), &sharp());
         let sparse = solve(
             &mut system,
-            &mut Linear,
+            &mut Measured(&[]),
             &NewtonOptions {
                 dense_contacts: 0,
                 ..sharp()
@@ -272,7 +272,7 @@ fn failure_is_reported() {
     // What is left is the best there is, inside its cones.
     assert!(s.violation < 1e-9, "{}", s.violation);
     system.z0[0] = f64::NAN;
-    let s = solve(&mut system, &mut Linear, &sharp());
+    let s = solve(&mut system, &mut Measured(&[]), &sharp());
     assert!(!s.report.converged);
 }
 
@@ -316,7 +316,7 @@ fn wedged_balls_are_solved_linearised() {
         ];
         system.push_contact(a, b, bounds, radius, normal, &jac, &z0);
     }
-    let s = solve(&mut system, &mut Linear, &sharp());
+    let s = solve(&mut system, &mut Measured(&[]), &sharp());
     assert!(s.report.converged, "{:?}", s.report);
     assert_eq!(s.report.rung, "linearised");
     assert!(s.violation < 1e-9 * largest(&s.u), "{:e}", s.violation);

@@ -2,7 +2,7 @@
 
 mod common;
 
-use carom_solve::rows::{Linear, RowSystem, NODE_DOF};
+use carom_solve::rows::{Measured, RowSystem, NODE_DOF};
 use carom_solve::{Bounds, NewtonOptions};
 use common::{sharp, solve, Ball, Pair, Spheres};
 
@@ -102,7 +102,7 @@ fn redundant_contacts_are_solved() {
                     ..sharp()
                 },
             ] {
-                let s = solve(&mut system, &mut Linear, &options);
+                let s = solve(&mut system, &mut Measured(&[]), &options);
                 println!(
                     "{n} balls, rank {found} of {rows}, push {push:?}, squeeze {squeeze}, dense {}: {} iterations, {:?}, violation {:.1e}",
                     options.dense_contacts, s.report.iterations, s.report.rung, s.violation

@@ -10,7 +10,7 @@ mod order;
 #[path = "spheres/rolling.rs"]
 mod rolling;
 
-use carom_solve::rows::{Linear, RowSystem, WORLD};
+use carom_solve::rows::{Measured, RowSystem, WORLD};
 use carom_solve::spheres::{Body, Contact, Goal, Instructions, Place, Roll, SpheresError, Sweeps};
 use carom_solve::Bounds;
 use common::{cross, dot, scaled, sharp, Rng};
@@ -328,7 +328,7 @@ fn velocities_are_those_of_newton() {
         let mut s = sweeps(&p, 1);
         solve(&mut s, 1e-15, 50, 40_000);
         let mut system = rows(&p);
-        let newton = common::solve(&mut system, &mut Linear, &sharp());
+        let newton = common::solve(&mut system, &mut Measured(&[]), &sharp());
         assert!(newton.report.converged);
         for (x, y) in s.velocities().concat().iter().zip(&newton.u) {
             assert!((x - y).abs() < 1e-9, "seed {seed}: {x} and {y}");

@@ -2,7 +2,7 @@
 
 mod common;
 
-use carom_solve::rows::{Linear, RowSystem, Subproblem};
+use carom_solve::rows::{Measured, RowSystem, Subproblem};
 use carom_solve::{Beside, NewtonOptions};
 use common::{bounds, cross, heap, sharp, solve, violation, Rng, Solved};
 
@@ -60,7 +60,7 @@ fn pushed(seed: u64, contacts: usize, mask: usize) -> RowSystem {
 }
 
 fn swept(system: &mut RowSystem, options: &NewtonOptions) -> Solved {
-    let found = solve(system, &mut Linear, options);
+    let found = solve(system, &mut Measured(&[]), options);
     assert!(found.report.converged, "{:?}", found.report);
     assert_eq!(found.report.rung, "sweeps");
     assert!(!found.report.fallback);
@@ -84,7 +84,7 @@ fn without_friction_sweeps_find_what_newtons_method_finds() {
     for seed in 0..8 {
         let mut system = pushed(seed, 80, 0);
         let found = swept(&mut system, &coarse());
-        let exact = solve(&mut system, &mut Linear, &sharp());
+        let exact = solve(&mut system, &mut Measured(&[]), &sharp());
         assert!(exact.report.converged && exact.report.rung != "sweeps");
         let size = exact.u.iter().fold(0.0f64, |most, u| most.max(u.abs()));
         for (u, exact) in found.u.iter().zip(&exact.u) {
@@ -155,7 +155,13 @@ fn a_solution_stays() {
     let (mut lambda, mut u) = (found.lambda.clone(), found.u.clone());
     // Off its cone by less than the tolerance.
     lambda[1] += 1e-8;
-    let report = newton.solve(&mut system, &mut Linear, &coarse(), &mut lambda, &mut u);
+    let report = newton.solve(
+        &mut system,
+        &mut Measured(&[]),
+        &coarse(),
+        &mut lambda,
+        &mut u,
+    );
     assert_eq!((report.iterations, report.rung), (0, "sweeps"));
     let mut z = vec![0.0; system.rows()];
     system.linear_measures(&u, &mut z);

@@ -47,8 +47,7 @@ fn check(scene: &Scene, list: &NeighbourList) {
             }
         }
         for (w, wall) in walls.iter().enumerate() {
-            let gap = wall.meet(x[a], radius[a]).map_or(f64::NAN, |p| p.gap);
-            if gap <= need[a] {
+            if wall.meet(x[a], radius[a]).gap <= need[a] {
                 wanted.push((a as u32, (x.len() + w) as u32));
             }
         }

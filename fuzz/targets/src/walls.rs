@@ -14,46 +14,44 @@ pub fn shape(draw: &mut Draw, size: f64) -> Shape {
         normal
     };
     let mut length = || draw.size(size, 1.0);
-    match (length(), length()) {
-        (a, b) if draw.rarely(8) => Shape::Sphere { radius: a.max(b) },
-        (a, b) => match draw.below(6) {
-            0 => Shape::HalfSpace {
-                point: place,
-                normal,
-            },
-            1 => Shape::Rectangle(Rectangle {
-                centre: place,
-                normal,
-                side: draw.direction(),
-                half: [a, b],
-            }),
-            2 => Shape::Disc(Disc {
-                centre: place,
-                normal,
-                radius: a,
-                hole: draw.one_of(&[0.0, 0.5 * a, b]),
-            }),
-            3 => Shape::Cylinder(Cylinder {
-                centre: place,
-                axis: normal,
-                radius: a,
-                half: draw.one_of(&[b, f64::INFINITY]),
-                inside,
-            }),
-            4 => Shape::Ball(Ball {
-                centre: place,
-                radius: a,
-                inside,
-            }),
-            _ => Shape::Cone(Cone {
-                point: place,
-                axis: normal,
-                radius: a,
-                radius_end: draw.one_of(&[0.0, a, b]),
-                length: b,
-                inside,
-            }),
+    let (a, b) = (length(), length());
+    match draw.below(6) {
+        0 => Shape::HalfSpace {
+            point: place,
+            normal,
         },
+        1 => Shape::Rectangle(Rectangle {
+            centre: place,
+            normal,
+            side: draw.direction(),
+            half: [a, b],
+        }),
+        2 => Shape::Disc(Disc {
+            centre: place,
+            normal,
+            radius: a,
+            hole: draw.one_of(&[0.0, 0.5 * a, b]),
+        }),
+        3 => Shape::Cylinder(Cylinder {
+            centre: place,
+            axis: normal,
+            radius: a,
+            half: draw.one_of(&[b, f64::INFINITY]),
+            inside,
+        }),
+        4 => Shape::Ball(Ball {
+            centre: place,
+            radius: a,
+            inside,
+        }),
+        _ => Shape::Cone(Cone {
+            point: place,
+            axis: normal,
+            radius: a,
+            radius_end: draw.one_of(&[0.0, a, b]),
+            length: b,
+            inside,
+        }),
     }
 }
 
@@ -76,9 +74,7 @@ pub fn walls(data: &[u8]) {
     let within = x.to_array().into_iter().all(sane) && (1e-6..1e6).contains(&r);
     let placed = |s: &Shape| s.place().to_array().into_iter().all(sane);
     for wall in [wall, moved] {
-        let (Some(here), Some(there)) = (wall.meet(x, r), wall.meet(x + way, r)) else {
-            panic!("a checked wall is a wall: {wall:?}");
-        };
+        let (here, there) = (wall.meet(x, r), wall.meet(x + way, r));
         let clearance = wall.clearance(x, r);
         if !(within && placed(&wall)) {
             continue;

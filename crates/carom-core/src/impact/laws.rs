@@ -79,11 +79,6 @@ impl Impact {
         !matches!(self.facts().restitution, Restitution::Poisson)
     }
 
-    /// Whether springs take the place of its first problem.
-    pub const fn has_springs(self) -> bool {
-        matches!(self.facts().restitution, Restitution::Energetic)
-    }
-
     /// Whether it reads tangential restitution.
     pub fn restores_slip(self) -> bool {
         self.facts().needs.contains(&"tangential_restitution")

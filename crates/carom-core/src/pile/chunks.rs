@@ -1,11 +1,8 @@
 //! Lists of contacts and spheres cut into chunks of a fixed size: threads take them in turn, and sums over them are the same for any
 //! number of threads.
 
-use carom_solve::team;
+use carom_solve::team::{self, SHARE};
 use std::ops::Range;
-
-/// Items of a chunk. The order of sums follows it, so another value changes results in their last bits; small ones cost a thread more in waiting.
-const SIZE: usize = 2_048;
 
 /// A part of an ascending list of places in a slice, with the part of the slice that they are in.
 pub(super) struct Chunk<'a, T> {
@@ -26,10 +23,10 @@ impl<T> Chunk<'_, T> {
 
 /// Cuts `list`, ascending places in `items`.
 pub(super) fn cut<'a, T>(list: &'a [u32], mut items: &'a mut [T]) -> Vec<Chunk<'a, T>> {
-    let (mut offset, mut chunks) = (0, Vec::with_capacity(list.len().div_ceil(SIZE)));
-    for (number, part) in list.chunks(SIZE).enumerate() {
-        let first = SIZE * number;
-        let next = list.get(first + SIZE);
+    let (mut offset, mut chunks) = (0, Vec::with_capacity(list.len().div_ceil(SHARE)));
+    for (number, part) in list.chunks(SHARE).enumerate() {
+        let first = SHARE * number;
+        let next = list.get(first + SHARE);
         let end = next.map_or(offset + items.len(), |&place| place as usize);
         let (own, rest) = items.split_at_mut(end - offset);
         chunks.push(Chunk {
@@ -43,21 +40,25 @@ pub(super) fn cut<'a, T>(list: &'a [u32], mut items: &'a mut [T]) -> Vec<Chunk<'
     chunks
 }
 
-/// `work` on every chunk of `0..count`, in order.
-pub(super) fn map<R: Send>(
+/// What `work` gives for shares of `0..count`, joined in their order.
+pub(super) fn reduce<R: Send + Default>(
     threads: usize,
     count: usize,
     work: impl Fn(Range<usize>) -> R + Sync,
-) -> Vec<R> {
-    let part = |k: usize| SIZE * k..count.min(SIZE * (k + 1));
-    let parts = (0..count.div_ceil(SIZE)).map(part).collect();
-    team::map(threads, parts, work)
+    join: impl Fn(R, R) -> R,
+) -> R {
+    team::reduce(threads, count, 0..count, |_, range| work(range), join)
 }
 
-/// Sum of `value` over `0..count`, chunk by chunk.
+/// Sum of `value` over `0..count`, share by share.
 pub(super) fn sum(threads: usize, count: usize, value: impl Fn(usize) -> f64 + Sync) -> f64 {
-    let parts = map(threads, count, |range| range.map(&value).sum::<f64>());
-    parts.into_iter().sum()
+    let part = |range: Range<usize>| range.map(&value).sum::<f64>();
+    reduce(threads, count, part, |a, b| a + b)
+}
+
+/// Whether `test` holds of any of `0..count`.
+pub(super) fn any(threads: usize, count: usize, test: impl Fn(usize) -> bool + Sync) -> bool {
+    reduce(threads, count, |mut range| range.any(&test), |a, b| a || b)
 }
 
 /// Makes `out` as long as `count` and fills it with `value` of every place, whatever it held.
@@ -74,31 +75,14 @@ pub(super) fn refill<T: Send + Clone>(
     team::fill(threads, out, value);
 }
 
-/// [`refill`] by parts: `work(first place, part)` writes them; what it finds, in order.
-pub(super) fn refill_parts<T: Send + Clone + Default, R: Send>(
-    threads: usize,
-    out: &mut Vec<T>,
-    count: usize,
-    work: impl Fn(usize, &mut [T]) -> R + Sync,
-) -> Vec<R> {
-    out.resize(count, T::default());
-    let parts: Vec<_> = out.chunks_mut(SIZE).enumerate().collect();
-    team::map(threads, parts, |(k, part)| work(SIZE * k, part))
-}
-
 /// `work(place, item)` on every item.
 pub(super) fn each<T: Send>(threads: usize, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
-    let parts: Vec<_> = items.chunks_mut(SIZE).enumerate().collect();
-    team::map(threads, parts, |(number, part)| {
-        for (k, item) in part.iter_mut().enumerate() {
-            work(SIZE * number + k, item);
+    let all = |first: usize, share: &mut [T]| {
+        for (place, item) in (first..).zip(share) {
+            work(place, item);
         }
-    });
-}
-
-/// Whether `test` holds of any of `0..count`.
-pub(super) fn any(threads: usize, count: usize, test: impl Fn(usize) -> bool + Sync) -> bool {
-    map(threads, count, |mut range| range.any(&test)).contains(&true)
+    };
+    team::reduce(threads, items.len(), items, all, |(), ()| ());
 }
 
 #[cfg(test)]
@@ -107,7 +91,7 @@ mod tests {
 
     #[test]
     fn every_place_of_the_list_is_in_one_chunk() {
-        for (count, every) in [(0, 1), (5, 3), (SIZE, 1), (3 * SIZE + 7, 1), (9000, 2)] {
+        for (count, every) in [(0, 1), (5, 3), (SHARE, 1), (3 * SHARE + 7, 1), (9000, 2)] {
             let list: Vec<u32> = (0..count as u32).map(|k| every * k + 1).collect();
             let mut items = vec![0u32; every as usize * count + 2];
             let chunks = cut(&list, &mut items);

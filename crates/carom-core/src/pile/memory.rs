@@ -11,6 +11,7 @@ use crate::pile::limits::{is_huge, threads};
 use crate::problem::Keeper;
 use carom_solve::spheres::{self, Body, Place, SpheresError, Sweeps};
 use glam::DVec3;
+use std::ops::Range;
 
 /// Fewest spheres of a problem that are sorted along a curve in space. Speed alone: unsorted, a large pile waits for memory in every sweep.
 const SORTED_SPHERES: usize = 2_000;
@@ -211,13 +212,13 @@ impl Pile {
     /// impulses.
     pub(super) fn start_sound(&mut self, load: impl Fn(usize) -> f64 + Sync) {
         let (threads, start) = (self.sweeps.threads, &self.start);
-        let largest = chunks::map(threads, start.len(), |range| {
+        let longest = |range: Range<usize>| {
             let squares = start[range]
                 .iter()
                 .map(|r| DVec3::from(*r).length_squared());
             squares.fold(0.0, f64::max)
-        });
-        let largest = largest.into_iter().fold(0.0, f64::max).sqrt();
+        };
+        let largest = chunks::reduce(threads, start.len(), longest, f64::max).sqrt();
         let spheres = &self.spheres;
         let loads = chunks::sum(threads, spheres.len(), |k| load(spheres[k] as usize));
         if largest > RUNAWAY_RATIO * loads {

@@ -33,6 +33,8 @@ use crate::pile::limits::{fits, is_large, threads};
 pub use position::{overlap, solve_positions};
 pub use velocity::solve_velocities;
 
+use std::ops::Range;
+
 /// Relative difference (1) of an overlap that is measured twice. At 0 a rough round that met its bound is repeated for a rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -49,7 +51,7 @@ pub fn is_left_rough(model: &Model, contacts: &[Contact], islands: &Islands) -> 
             return false;
         }
         let (members, count) = (island.contacts, island.contacts.len());
-        let parts = chunks::map(threads(model, count), count, |range| {
+        let extremes = |range: Range<usize>| {
             let (mut smallest, mut deepest) = (f64::INFINITY, 0.0f64);
             for c in members[range].iter().map(|&m| &contacts[m as usize]) {
                 let radius = |body: u32| model.radius.get(body as usize).copied();
@@ -58,9 +60,9 @@ pub fn is_left_rough(model: &Model, contacts: &[Contact], islands: &Islands) -> 
                 deepest = deepest.max(-c.gap);
             }
             (smallest, deepest)
-        });
-        let smallest = parts.iter().fold(f64::INFINITY, |x, p| x.min(p.0));
-        let deepest = parts.iter().fold(0.0f64, |x, p| x.max(p.1));
+        };
+        let both = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+        let (smallest, deepest) = chunks::reduce(threads(model, count), count, extremes, both);
         deepest > (1.0 + ROUNDING) * overlap(tolerance, count) * smallest
     })
 }

@@ -9,6 +9,7 @@ use crate::pile::limits::is_large;
 use crate::pile::memory::Pile;
 use crate::state::State;
 use crate::stepper::Span;
+use carom_solve::team;
 use carom_solve::RowSystem;
 use glam::DVec3;
 
@@ -31,12 +32,20 @@ impl Pile {
             warm.map_or([DVec3::ZERO; 2], |w| [ratio * w.impulse, ratio * w.moment])
         };
         let threads = self.sweeps.threads;
-        chunks::refill_parts(threads, &mut self.start, chosen.len(), |first, part| {
+        self.start.resize(chosen.len(), [0.0; 3]);
+        let part = |first: usize, part: &mut [[f64; 3]]| {
             let mut cursor = Cursor::new(&state.warm);
             for (start, &slot) in part.iter_mut().zip(&chosen[first..]) {
                 *start = begin(&mut cursor, slot)[0].to_array();
             }
-        });
+        };
+        team::reduce(
+            threads,
+            chosen.len(),
+            &mut self.start[..],
+            part,
+            |(), ()| (),
+        );
         self.start_moments.clear();
         if !self.velocity.turning.is_empty() {
             let mut cursor = Cursor::new(&state.warm);

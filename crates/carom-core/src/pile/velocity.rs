@@ -26,6 +26,7 @@ use crate::workspace::IslandScratch;
 use carom_solve::rows::WORLD;
 use carom_solve::team;
 use glam::DVec3;
+use std::ops::Range;
 
 /// Solves the velocities of one island, or its loads before positions are; writes the corrections W of its bodies, `lambda` (of loads: `load`) of its
 /// contacts, impacts and warm starts. False: nothing is written.
@@ -196,15 +197,19 @@ impl Pile {
             v.clear();
             v.resize(nodes, [DVec3::ZERO; 2]);
         }
-        let parts = chunks::map(threads, nodes, |range| {
+        let own = |range: Range<usize>| {
             let mut own = Speeds::default();
             for &body in &spheres[range] {
                 let i = body as usize;
                 own.add(model, state, linear[i].velocity, i);
             }
             own
-        });
-        parts.iter().for_each(|own| speeds.join(own));
+        };
+        let join = |mut all: Speeds, own| {
+            all.join(&own);
+            all
+        };
+        speeds.join(&chunks::reduce(threads, nodes, own, join));
     }
 
     /// What counts as closing, and the floor of residuals, by the speeds of the island.

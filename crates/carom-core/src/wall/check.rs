@@ -8,10 +8,6 @@ pub type Refusal = (&'static str, String);
 /// The shape with unit vectors, or what is wrong with it.
 pub fn checked(shape: &Shape) -> Result<Shape, Refusal> {
     Ok(match *shape {
-        Shape::Sphere { .. } => {
-            let text = "is that of a body; a wall is a ball with a centre".to_owned();
-            return Err(("shape", text));
-        }
         Shape::HalfSpace { point, normal } => Shape::HalfSpace {
             point: finite("point", point)?,
             normal: unit("normal", normal)?,

@@ -88,7 +88,6 @@ impl Wall {
             Shape::Cone(w) => sign(w.inside) / (w.radius + w.radius_end),
             Shape::HalfSpace { .. } | Shape::Rectangle(_) | Shape::Disc(_) => 0.0,
             Shape::Triangle(_) | Shape::Sheet(_) | Shape::Line(_) | Shape::Ball(_) => 0.0,
-            Shape::Sphere { .. } => 0.0, // no wall
         }
     }
 

@@ -8,7 +8,7 @@ use crate::outcome::{within_bounds, FASTEST};
 use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::motion::{Instant, WallTwist};
-use carom_geom::{sphere_plane, Displacement, Proximity, Shape};
+use carom_geom::{Displacement, Proximity, Shape};
 use glam::{DQuat, DVec3, IVec3};
 use std::ops::Range;
 
@@ -177,11 +177,7 @@ impl Walls {
         if self.is_gone(model, b) {
             return NOWHERE;
         }
-        meet(
-            &self.now[b as usize - model.first_wall()],
-            xa,
-            model.radius[a as usize],
-        )
+        self.now[b as usize - model.first_wall()].meet(xa, model.radius[a as usize])
     }
 
     /// The same at t_n.
@@ -190,11 +186,7 @@ impl Walls {
         if self.is_gone(model, b) {
             return NOWHERE;
         }
-        meet(
-            &self.start[b as usize - model.first_wall()],
-            xa,
-            model.radius[a as usize],
-        )
+        self.start[b as usize - model.first_wall()].meet(xa, model.radius[a as usize])
     }
 
     /// Displacement of the shape of wall `b` at the point `p` over the step.
@@ -349,16 +341,6 @@ const NOWHERE: Proximity = Proximity {
     curvature: 0.0,
     flat: DVec3::ZERO,
 };
-
-/// A shape that is no wall meets nobody.
-#[inline(always)]
-fn meet(shape: &Shape, x: DVec3, r: f64) -> Proximity {
-    // As in `Shape::meet`: planes are in every scene.
-    if let Shape::HalfSpace { point, normal } = *shape {
-        return sphere_plane(x, r, point, normal);
-    }
-    shape.meet(x, r).unwrap_or(NOWHERE)
-}
 
 /// Where body B of a contact is: its centre, the displacement of a free wall from where it was given, 0 of other walls.
 #[inline(always)]

@@ -176,7 +176,6 @@ fn unusable_walls_are_named() {
             }),
             "size of wall 0",
         ),
-        (Shape::Sphere { radius: 1.0 }, "shape of wall 0"),
     ] {
         let mut input = on_floor([0.0; 5]);
         add_wall(&mut input, shape);

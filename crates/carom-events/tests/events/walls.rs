@@ -72,11 +72,7 @@ fn walls_are_met_where_they_are() {
         let aim = DVec3::from([0; 3].map(|_| draw(-0.08, 0.08)));
         let g = DVec3::new(0.0, 0.0, -G);
         let v = (aim - from) / 0.15 - 0.075 * g;
-        let gap = |t: f64| {
-            wall.meet(from + t * (v + 0.5 * t * g), R)
-                .expect("a wall")
-                .gap
-        };
+        let gap = |t: f64| wall.meet(from + t * (v + 0.5 * t * g), R).gap;
         let mut input = balls(&[from.to_array()], &[]);
         input.gravity = g.to_array();
         input.laws = vec![(0, 1, [0.0, 1.0, 0.0, 0.0, 0.0])];

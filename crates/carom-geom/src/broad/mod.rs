@@ -7,7 +7,6 @@
 mod cell_list;
 mod grid;
 mod overlap;
-mod share;
 mod verlet;
 
 pub use cell_list::CellList;

@@ -62,7 +62,7 @@ pub fn overlaps(
             .enumerate()
             .try_for_each(|(i, (&x, &r))| {
                 let mut look = |w: usize| {
-                    let gap = walls[w].meet(x, r).map_or(f64::INFINITY, |p| p.gap);
+                    let gap = walls[w].meet(x, r).gap;
                     keep(i as u32, (radius.len() + w) as u32, gap, r)
                 };
                 meshes.others(walls.len()).try_for_each(&mut look)?;

@@ -428,7 +428,7 @@ impl NeighbourList {
                 }
                 periodic.sphere_sphere(x[i], radius[i], x[j], radius[j])
             } else {
-                let p = walls[j - first].meet(x[i], radius[i])?;
+                let p = walls[j - first].meet(x[i], radius[i]);
                 if p.gap.is_nan() || p.gap > need[i] {
                     return None;
                 }

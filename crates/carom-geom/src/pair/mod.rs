@@ -1,4 +1,4 @@
-//! How two shapes meet: one file per pair, and the table that says which pairs exist.
+//! How spheres meet: one file for each thing that they meet.
 
 mod ring;
 pub(crate) mod sphere_ball;
@@ -9,7 +9,6 @@ mod sphere_plane;
 pub(crate) mod sphere_rectangle;
 mod sphere_sphere;
 pub(crate) mod sphere_triangle;
-pub mod table;
 
 pub use sphere_ball::{sphere_ball, Ball};
 pub use sphere_cone::{sphere_cone, Cone};
@@ -20,7 +19,6 @@ pub use sphere_rectangle::{sphere_rectangle, Rectangle};
 pub use sphere_sphere::sphere_sphere;
 pub use sphere_triangle::{sphere_line, sphere_sheet, sphere_triangle, Line, Sheet, Triangle};
 pub(crate) use sphere_triangle::{Nearest, SLACK};
-pub use table::proximity;
 
 use glam::DVec3;
 
@@ -47,15 +45,4 @@ pub struct Proximity {
     pub curvature: f64,
     /// Other principal direction `f`, zero: none.
     pub flat: DVec3,
-}
-
-impl Proximity {
-    /// The same meeting with the roles of A and B exchanged.
-    #[inline]
-    pub fn mirrored(self) -> Self {
-        Self {
-            normal: -self.normal,
-            ..self
-        }
-    }
 }

@@ -15,8 +15,6 @@ pub(super) struct NewtonMatrix {
     values: Vec<f64>,
     /// Place in `values` of each value of W, in the order of W's blocks.
     place: Vec<usize>,
-    /// Place of each row's diagonal.
-    diagonal: Vec<usize>,
     pivots: Vec<u32>,
 }
 
@@ -30,8 +28,6 @@ impl NewtonMatrix {
         self.n = n;
         self.place.clear();
         self.place.resize(w.values.len(), 0);
-        self.diagonal.clear();
-        self.diagonal.resize(n, 0);
         self.pivots.resize(n, 0);
         if self.is_dense() {
             self.values.resize(n * n, 0.0);
@@ -58,9 +54,6 @@ impl NewtonMatrix {
                 at
             };
             self.place[value] = place;
-            if row == col {
-                self.diagonal[row] = place;
-            }
         });
     }
 

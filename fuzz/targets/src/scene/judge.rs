@@ -126,8 +126,10 @@ impl Judge {
                     continue;
                 }
                 // It may have entered in this step, or rolled half around.
-                let start = start_normal(model, c, &before).filter(|n| n.dot(c.normal) >= 0.1);
-                let Some(start) = start else { continue };
+                let start = start_normal(model, c, &before);
+                if start.dot(c.normal) < 0.1 {
+                    continue;
+                }
                 let frames = if once {
                     [[(start + c.normal).normalize(); 2], [c.normal; 2]]
                 } else {
@@ -144,14 +146,14 @@ impl Judge {
 }
 
 /// Normal of a contact with the centres at `before`.
-fn start_normal(model: &Model, c: &ContactRecord, before: &[DVec3]) -> Option<DVec3> {
+fn start_normal(model: &Model, c: &ContactRecord, before: &[DVec3]) -> DVec3 {
     let (a, b) = (c.key.0 as usize, c.key.1 as usize);
     let (xa, ra) = (before[a], model.radius[a]);
     let met = match before.get(b) {
         Some(&xb) => model.periodic.sphere_sphere(xa, ra, xb, model.radius[b]),
-        None => model.wall(c.key.1).shape.meet(xa, ra)?,
+        None => model.wall(c.key.1).shape.meet(xa, ra),
     };
-    Some(met.normal)
+    met.normal
 }
 
 /// What a contact's impulse has too much of. Its normal part is along `along`; friction, rolling and spinning are along the frame of

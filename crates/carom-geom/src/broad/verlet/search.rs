@@ -2,7 +2,7 @@
 
 use super::{walls_of, NeighbourList};
 use crate::broad::cell_list::Part;
-use crate::broad::share::{cut, share};
+use rayon::prelude::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -165,4 +165,25 @@ impl NeighbourList {
             self.pairs.dedup();
         }
     }
+}
+
+/// `work(piece)` for every piece, by the pool of rayon that the calling thread belongs to. Called from elsewhere, one thread does all: to start
+/// others for one search costs as much as a small one.
+fn share<T: Send>(threads: usize, pieces: Vec<T>, work: impl Fn(T) + Sync + Send) {
+    if threads > 1 && rayon::current_thread_index().is_some() {
+        pieces.into_par_iter().with_max_len(1).for_each(work);
+    } else {
+        pieces.into_iter().for_each(work);
+    }
+}
+
+/// Cuts `all` into consecutive slices of the given lengths.
+fn cut<T>(mut all: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    let mut out = Vec::new();
+    for length in lengths {
+        let (first, rest) = all.split_at_mut(length);
+        out.push(first);
+        all = rest;
+    }
+    out
 }
