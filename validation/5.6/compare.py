@@ -18,7 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import carom
-from carom import CaromWarning, Result, events
+from carom import CaromWarning, Result
 from carom.reproduce import demo
 from common import SCENARIOS, model_of, run, table
 from measure import BALLS, LAWS, SCENARIO
@@ -82,8 +82,7 @@ def rest() -> str:
     rows = []
     for law, h in itertools.product(LAWS, (1e-3, 1e-4)):
         with _simulated(ROLLING, h, UNTIL, law) as result:
-            rested = events.rest(result, speed=demo.REST_SPEED, ignore_spin=True)
-            times = {event.body: event.time for event in rested}
+            times = demo._rested(result)
             deepest, rise = (
                 result.summary["penetration_max_relative"],
                 result.summary["energy"]["max_rise_relative"],

@@ -152,5 +152,5 @@ if __name__ == "__main__":
     try:
         sys.exit(main())
     except KeyboardInterrupt as stopped:
-        print(f"\n{stopped}; --resume goes on with it", file=sys.stderr)
+        print(f"\n{stopped or 'interrupted'}", file=sys.stderr)
         sys.exit(130)

@@ -261,10 +261,19 @@ def solved(found: Sequence[Found]) -> str:
     for f in found:
         n = f.numbers
         rows.append([
-            f.name, f"{n['step_s']:g} s", f"{n['pile_tolerance']:g}", str(n["steps"]), f"{n['residual_position']:.1e}",
-            f"{n['residual_velocity']:.1e}", f"{n['penetration_relative']:.1e}", *(str(n[key]) for key in COUNTS),
+            f.name, n["build"], f"{n['step_s']:g} s", f"{n['pile_tolerance']:g}", str(n["steps"]),
+            f"{n['residual_position']:.1e}", f"{n['residual_velocity']:.1e}", f"{n['penetration_relative']:.1e}", *(str(n[key]) for key in COUNTS),
         ])  # fmt: skip
-    head = ["case", "step", "`pile_tolerance`", "steps", "residual, positions", "velocities", "overlap/r"]
+    head = [
+        "case",
+        "build",
+        "step",
+        "`pile_tolerance`",
+        "steps",
+        "residual, positions",
+        "velocities",
+        "overlap/r",
+    ]
     return table([*head, *COUNTS.values()], rows)
 
 

@@ -1,4 +1,4 @@
-//! Where bodies meet: shapes, the broad phase, and one file per pair of shapes.
+//! Where bodies meet: shapes, the broad phase, and and one file for each thing that spheres meet.
 //!
 //! This crate knows positions and radii and nothing else: no mass, no force, no time step. Lengths are metres,
 //! all numbers `f64`, all vectors [`glam::DVec3`] in the world frame. Equation numbers are those of the paper

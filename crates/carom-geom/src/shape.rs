@@ -1,4 +1,4 @@
-//! What spheres can touch beside one another: a closed set of walls.
+//! What spheres can touch besides spheres: a closed set of walls.
 //!
 //! An enum and not a trait: the set is known, a `match` is checked for completeness by the compiler, and the
 //! loops over contacts must not call through a pointer. A new one is a variant here and a file

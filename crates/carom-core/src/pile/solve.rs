@@ -193,7 +193,12 @@ impl Pile {
             floor: self.velocity.floor,
             scale: self.velocity.terms,
             closing: self.velocity.left(o),
-            worst: worst(self.velocity.chosen.len()),
+            worst: if o.impact.has_loads_first() {
+                worst(self.velocity.chosen.len())
+            } else {
+                // No problem follows that takes what is left.
+                1.0
+            },
             penalty_scale: o.penalty_scale,
             patience: PATIENCE,
             most: budget(self.velocity.chosen.len()),

@@ -43,7 +43,7 @@ pub(super) struct Velocities {
 }
 
 impl Velocities {
-    /// Closing speed that a solve may leave: clear of what counts as closing (but for stage 0 of a pile that is being hit), and never
+    /// Closing speed that a solve may leave: clear of what counts as closing (but for the worst of very many contacts, `Goal::worst`), and never
     /// below what the tolerance can tell at the speeds there are.
     pub fn left(&self, o: &Options) -> f64 {
         CLOSING_LEFT * self.closing.max(o.pile_tolerance * self.speed)

@@ -168,7 +168,8 @@ impl NeighbourList {
         -2.0 * radius
     }
 
-    /// Sets how many threads of the pool of rayon it runs on a rebuild may use (default 1). The list is the same for any number.
+    /// Sets whether a rebuild uses the pool of rayon that it runs on (above 1; default 1), and into how many shares it cuts the rows. The list is
+    /// the same for any number.
     pub fn set_threads(&mut self, threads: usize) {
         self.threads = threads.max(1);
     }

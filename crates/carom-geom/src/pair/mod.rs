@@ -22,7 +22,7 @@ pub(crate) use sphere_triangle::{Nearest, SLACK};
 
 use glam::DVec3;
 
-/// What a meeting of two shapes tells: everything the contact rows of eqs. 31-43 need from geometry.
+/// What a meeting tells: everything the contact rows of eqs. 31-43 need from geometry.
 ///
 /// With `x = x_A - x_B` the relative position of the centres (of the reference point, for a plane):
 ///

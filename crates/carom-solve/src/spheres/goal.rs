@@ -78,14 +78,18 @@ impl Goal {
         Terms { residual, terms }.relative(self.floor / self.tolerance, true)
     }
 
+    /// What the worst contact may be left with after so many sweeps.
+    pub(super) fn bound(&self, sweeps: usize) -> f64 {
+        self.worst.powf((sweeps as f64 / WORST_FROM).min(1.0)) * self.closing
+    }
+
     pub(super) fn judge(&self, norms: &Norms, sweeps: usize) -> Progress {
         let residual = self.relative(norms);
-        // Bounds widen slowly: what is close to them after so long need not wait, and what is far from them may still come.
-        let bound = self.worst.powf((sweeps as f64 / WORST_FROM).min(1.0)) * self.closing;
-        let strict = norms.closing <= bound;
+        let strict = norms.closing <= self.bound(sweeps);
+        // It widens slowly: what is close to it after so long need not wait, and what is far from it may still come.
         let late = sweeps.saturating_sub(self.patience) as f64 / WIDENED;
         let lenient =
-            sweeps >= self.patience && norms.closing <= LENIENCE.powf(late.min(1.0)) * bound;
+            sweeps >= self.patience && norms.closing <= LENIENCE.powf(late.min(1.0)) * self.closing;
         Progress {
             sweeps,
             residual,
@@ -93,5 +97,44 @@ impl Goal {
             converged: residual < self.tolerance && (strict || lenient),
             lenient: !strict && lenient,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_of_many_contacts_may_be_worse_the_longer_it_is_swept() {
+        let goal = Goal {
+            tolerance: 1e-3,
+            floor: 0.0,
+            scale: 1.0,
+            closing: 1.0,
+            worst: 5.0,
+            penalty_scale: 0.5,
+            patience: 1_000,
+            most: 10_000,
+            had: 0,
+            rescale: usize::MAX,
+            weighed: false,
+            calm: 1.0,
+        };
+        let judged = |closing, sweeps| {
+            let norms = Norms {
+                closing,
+                ..Norms::default()
+            };
+            goal.judge(&norms, sweeps)
+        };
+        for closing in [1.5, 3.0, 4.9] {
+            let met = |sweeps| judged(closing, sweeps).converged;
+            assert!(!met(0) && met(60) && !judged(closing, 60).lenient);
+            assert!((0..60).all(|sweeps| met(sweeps + 1) || !met(sweeps)));
+        }
+        assert!(!judged(8.0, 1_000).converged);
+        let late = judged(8.0, 4_000);
+        assert!(late.converged && late.lenient);
+        assert!(!judged(11.0, 4_000).converged);
     }
 }

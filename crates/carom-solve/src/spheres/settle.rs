@@ -152,6 +152,6 @@ fn likely(last: &Change, now: &Progress, goal: &Goal) -> Change {
     };
     Change {
         squared: last.squared * share(goal.tolerance, now.residual).powi(2),
-        closing: last.closing * share(goal.closing, now.closing),
+        closing: last.closing * share(goal.bound(now.sweeps), now.closing),
     }
 }

@@ -127,7 +127,7 @@ impl Judge {
                 }
                 // It may have entered in this step, or rolled half around.
                 let start = start_normal(model, c, &before);
-                if start.dot(c.normal) < 0.1 {
+                if start.is_nan() || start.dot(c.normal) < 0.1 {
                     continue;
                 }
                 let frames = if once {

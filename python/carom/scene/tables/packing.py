@@ -148,8 +148,10 @@ class Packing(Sized, _Filling):
         if "velocity" in self.model_fields_set:
             same["velocity"] = self.velocity
         rows = zip(self.ball_names(), found.radius.tolist(), map(tuple, found.position.tolist()), strict=True)
+        # Copies of one: to construct each anew takes three times as long.
+        one = Sphere.model_construct(name=self.name, radius=0.0, position=(0.0, 0.0, 0.0), **same)
         return [
-            Sphere.model_construct(name=name, radius=radius, position=position, **same)
+            one.model_copy(update={"name": name, "radius": radius, "position": position})
             for name, radius, position in rows
         ]
 
