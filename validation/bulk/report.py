@@ -262,7 +262,8 @@ def solved(found: Sequence[Found]) -> str:
         n = f.numbers
         rows.append([
             f.name, n["build"], f"{n['step_s']:g} s", f"{n['pile_tolerance']:g}", str(n["steps"]),
-            f"{n['residual_position']:.1e}", f"{n['residual_velocity']:.1e}", f"{n['penetration_relative']:.1e}", *(str(n[key]) for key in COUNTS),
+            f"{n['residual_position']:.1e}", f"{n['residual_velocity']:.1e}", f"{n['penetration_relative']:.1e}",
+            *(str(n[key]) for key in COUNTS),
         ])  # fmt: skip
     head = [
         "case",
