@@ -30,10 +30,10 @@ use crate::contact::Contact;
 use crate::islands::Islands;
 use crate::model::Model;
 use crate::pile::limits::{fits, is_large, threads};
+use std::ops::Range;
+
 pub use position::{overlap, solve_positions};
 pub use velocity::solve_velocities;
-
-use std::ops::Range;
 
 /// Relative difference (1) of an overlap that is measured twice. At 0 a rough round that met its bound is repeated for a rounding.
 const ROUNDING: f64 = 1e-6;
