@@ -31,6 +31,8 @@ pub struct NewtonOptions {
     pub floor: f64,
     /// Closed contacts must meet `|gap| <= gap_tolerance * r_c` (position level, small islands); infinite: not asked.
     pub gap_tolerance: f64,
+    /// What the worst contact may close by, m/s (velocity level); infinite: not asked.
+    pub closing: f64,
     /// Rounding of a coordinate, m: what a gap cannot be known better than (position level).
     pub rounding: f64,
     pub max_iterations: u32,
@@ -226,7 +228,7 @@ impl Newton {
         let terms = self.evaluate(&mut on, &[lambda, u].concat());
         let residual = on.relative(&terms);
         self.history.push(residual);
-        let closed = on.is_large() || self.gaps_closed(on.system, options, 0.0);
+        let closed = on.is_large() || self.are_closed(on.system, options, 0.0);
         SolveReport {
             converged: residual < options.tolerance && closed,
             residual,
@@ -363,9 +365,18 @@ impl Newton {
         }
     }
 
-    /// Whether what is pressed is closed and nothing overlaps, as far as the options ask for it. `share` of the friction moves apart what slides
-    /// (the convex companion alone).
-    fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions, share: f64) -> bool {
+    /// Whether no contact closes faster than it may.
+    fn none_closes(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
+        let mut contacts = system.contacts.iter().filter(|c| !c.bilateral);
+        contacts.all(|c| self.at.z[c.row as usize] >= -options.closing)
+    }
+
+    /// Whether what is pressed is closed and nothing overlaps, or closes, as far as the options ask for it. `share` of the friction moves apart what
+    /// slides (the convex companion alone).
+    fn are_closed(&self, system: &RowSystem, options: &NewtonOptions, share: f64) -> bool {
+        if !self.none_closes(system, options) {
+            return false;
+        }
         options.gap_tolerance.is_infinite()
             || system.contacts.iter().all(|c| {
                 let tolerance = options.gap_tolerance * c.length + GAP_ROUNDINGS * options.rounding;
@@ -408,9 +419,7 @@ impl<P: Subproblem> OnRows<'_, '_, P> {
         step.iter_mut().zip(&*x).for_each(|(step, x)| *step += x);
         self.evaluate(&step);
         let residual = self.on.relative(&self.terms);
-        let closed = self
-            .newton
-            .gaps_closed(self.on.system, self.on.options, 0.0);
+        let closed = self.newton.are_closed(self.on.system, self.on.options, 0.0);
         let nearer = residual < self.report.residual && closed;
         if nearer {
             x.copy_from_slice(&step);
@@ -438,7 +447,7 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         newton.history.push(report.residual);
         report.converged = merit.is_finite()
             && report.residual < on.options.tolerance
-            && newton.gaps_closed(on.system, on.options, 0.0);
+            && newton.are_closed(on.system, on.options, 0.0);
         self.since_better += 1;
         if report.residual < 0.5 * self.best {
             (self.best, self.since_better) = (report.residual, 0);

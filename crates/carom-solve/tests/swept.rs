@@ -93,6 +93,31 @@ fn without_friction_sweeps_find_what_newtons_method_finds() {
     }
 }
 
+/// The norm of all is mild with the worst contact: where no contact may close, none does, and nothing else is asked more finely.
+#[test]
+fn the_worst_contact_closes_no_faster_than_it_may() {
+    let mut missed = 0;
+    for seed in 0..8 {
+        let closing = 1e-6;
+        let worst = |found: &Solved, system: &RowSystem| {
+            let mut z = vec![0.0; system.rows()];
+            system.linear_measures(&found.u, &mut z);
+            let normal = system.contacts.iter().map(|c| -z[c.row as usize]);
+            normal.fold(0.0, f64::max)
+        };
+        let mut system = pushed(seed, 80, 1);
+        let found = swept(&mut system, &coarse());
+        missed += usize::from(worst(&found, &system) > closing);
+        let asked = NewtonOptions {
+            closing,
+            ..coarse()
+        };
+        let found = swept(&mut system, &asked);
+        assert!(worst(&found, &system) <= closing, "{seed}");
+    }
+    assert!(missed > 4, "{missed}");
+}
+
 /// Gaps of turning normals: each look states the problem anew.
 #[test]
 fn gaps_of_a_heap_are_closed() {

@@ -88,6 +88,7 @@ pub(crate) fn newton_options(
         } else {
             f64::INFINITY
         },
+        closing: f64::INFINITY,
         rounding: 0.0,
         max_iterations: options.max_iterations,
         penalty_scale: options.penalty_scale,

@@ -16,6 +16,16 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// leave. Too small: piles that settle solve impacts that go round and round. Too large: slow impacts keep no restitution.
 const OVER_TOLERANCE: f64 = 1e5;
 
+/// Share (1) of the closing tolerance that solvers may leave, but for the worst of very many contacts. At 1 what a solve leaves closes again, and
+/// 8000 grains never came to rest (decision 011); near 0 each solve takes more sweeps.
+const CLOSING_LEFT: f64 = 0.5;
+
+/// Closing speed that a solve may leave, m/s, by the least closing tolerance of its contacts: clear of what counts as closing, and never below what
+/// the tolerance of the solve can tell at the speeds there are.
+pub fn closing_left(closing: f64, tolerance: f64, speed: f64) -> f64 {
+    CLOSING_LEFT * closing.max(tolerance * speed)
+}
+
 /// Speeds of an island.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Speeds {

@@ -43,10 +43,6 @@ pub(super) const LARGE_ISLAND: usize = 10_000;
 /// contacts takes twice the sweeps.
 pub(super) const WORST_CONTACT_FROM: f64 = 2_500.0;
 
-/// Share (1) of the closing tolerance that solvers may leave, but for the worst of very many contacts ([`worst`]). At 1 what a solve leaves
-/// closes again, and 8000 grains never came to rest (decision 011); near 0 each solve takes more sweeps.
-pub(super) const CLOSING_LEFT: f64 = 0.5;
-
 /// Fewest candidate contacts of a step whose memory is given back as soon as its phase is over: getting it again is cheap beside the sweeps of
 /// so many. Fewer: steps wait for the system's memory. More: a scene of millions of balls needs the memory of all phases at once.
 pub(super) const HUGE_ISLAND: usize = 1_000_000;

@@ -3,11 +3,11 @@
 use crate::contact::{turned, Contact};
 use crate::impact::law::Law;
 use crate::impact::table::{ImpactRow, ImpactTable};
+use crate::level::speeds::closing_left;
 use crate::model::Model;
 use crate::options::Options;
 use crate::pile::chunks;
 use crate::pile::closed_contact::{change, work, ClosedContact, Frame, ProblemImpulse};
-use crate::pile::limits::CLOSING_LEFT;
 use crate::pile::turning::Turning;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres;
@@ -46,7 +46,7 @@ impl Velocities {
     /// Closing speed that a solve may leave: clear of what counts as closing (but for the worst of very many contacts, `Goal::worst`), and never
     /// below what the tolerance can tell at the speeds there are.
     pub fn left(&self, o: &Options) -> f64 {
-        CLOSING_LEFT * self.closing.max(o.pile_tolerance * self.speed)
+        closing_left(self.closing, o.pile_tolerance, self.speed)
     }
 
     /// Relative velocity of a contact's surfaces, of A against B.

@@ -6,6 +6,7 @@ use super::{Island, Newton};
 use crate::cone::{self, Status, MAX_ROWS};
 use crate::report::SolveReport;
 use crate::rows::{RowContact, Subproblem};
+use crate::spheres::momentum;
 
 /// Tolerance of a linear problem over that of the island (1). With 1 the island just misses its tolerance, and another linear
 /// problem is needed; small, sweeps that nobody needs.
@@ -24,6 +25,8 @@ const GAIN: f64 = 0.5;
 /// Sweeps (1) between two looks at most, each of which states the problem anew. Many: normals have turned long before. Few: momentum is lost with
 /// each statement, and positions of heaps do not converge (measured with 16).
 const BETWEEN: u32 = 64;
+/// The same at least, where the residual is met and the worst contact is not. Speed alone: a look costs as much as some sweeps.
+const LEAST_BETWEEN: u32 = 8;
 /// Change in a sweep over the multipliers (1), in parts of the tolerance, from which on a look is worth while. Speed alone.
 const LIKELY: f64 = 0.5;
 /// Sweeps (1) in which the residual has to come down to [`GAIN`] times what it was. Small, other ways solve what sweeps would have; large, what
@@ -56,7 +59,7 @@ impl Newton {
             }
             // Gaps of large islands are a target here, no condition: in a tight one they may contradict one another by rounding.
             let solved = total.residual < options.tolerance;
-            let closed = self.gaps_closed(on.system, options, 0.0);
+            let closed = self.are_closed(on.system, options, 0.0);
             if solved && (!exact || closed) {
                 total.converged = large || closed;
                 break;
@@ -92,6 +95,9 @@ impl Newton {
         let mut total = SolveReport::default();
         self.set_penalty(on.system, on.options.penalty_scale);
         let (mut done, mut since, mut before) = (0, 0, f64::INFINITY);
+        // Normals of positions turn, and momentum would lead astray. Measures of velocities change by loads alone, and along normals half-way.
+        let turns = on.options.gap_tolerance.is_finite();
+        sweeps.begin(on.system);
         loop {
             let terms = self.evaluate(on, x);
             if done == 0 && on.system.load_feedback() > MOST_FEEDBACK {
@@ -110,13 +116,23 @@ impl Newton {
                 break;
             }
             let (lambda, u) = x.split_at_mut(on.system.rows());
-            sweeps.open(on.system, &self.at.z, u);
-            on.system.impulses(lambda, &mut self.force);
-            on.system.apply_inverse_mass(&self.force, u);
+            if done == 0 || turns {
+                sweeps.restart();
+                sweeps.open(on.system, &self.at.z, lambda, u);
+            } else {
+                sweeps.measure(on.system, &self.at.z, u);
+            }
             let enough = LIKELY * on.options.tolerance;
-            let calm = (1..=BETWEEN).find(|_| sweeps.once(on.system, x) <= enough * enough);
+            let cap = momentum(done as usize);
+            // What a sweep changes tells of the residual, and not of the worst contact.
+            let least = if total.residual < on.options.tolerance {
+                LEAST_BETWEEN
+            } else {
+                1
+            };
+            let calm = (1..=BETWEEN).find(|&k| sweeps.once(cap) <= enough * enough && k >= least);
             let count = calm.unwrap_or(BETWEEN);
-            let (lambda, u) = x.split_at_mut(on.system.rows());
+            sweeps.write(&on.system.contacts, lambda);
             on.system.correction(lambda, u);
             total.iterations += 1;
             done += count;
@@ -143,10 +159,11 @@ impl Newton {
         Some(total)
     }
 
-    /// Whether no contact overlaps by more than a pile may, where gaps are asked for.
+    /// Whether no contact overlaps by more than a pile may, where gaps are asked for, or closes faster than it may.
     fn nearly_closed<P>(&self, on: &Island<P>) -> bool {
         let most = OVERLAP * on.options.tolerance;
         let closed = |c: &RowContact| self.at.z[c.row as usize] >= -most * c.length;
-        on.options.gap_tolerance.is_infinite() || on.system.contacts.iter().all(closed)
+        self.none_closes(on.system, on.options)
+            && (on.options.gap_tolerance.is_infinite() || on.system.contacts.iter().all(closed))
     }
 }

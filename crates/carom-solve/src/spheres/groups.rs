@@ -74,7 +74,7 @@ const NOBODY: UngroupedContact = UngroupedContact {
 #[derive(Debug, Default)]
 pub struct Packing {
     /// Links of the groups, in order.
-    groups: Vec<[UngroupedContact; GROUP]>,
+    pub groups: Vec<[UngroupedContact; GROUP]>,
     /// Per state of the block: the open groups it is in. All 0 when no group is open.
     masks: Vec<u64>,
 }
@@ -82,7 +82,7 @@ pub struct Packing {
 impl Packing {
     /// Packs links, in order, into groups that share no moving body: first fit into a window of open groups. There are so many states,
     /// those of the sides `b` from number `offset` on.
-    fn pack(&mut self, links: &[UngroupedContact], states: usize, offset: usize) {
+    pub fn pack(&mut self, links: &[UngroupedContact], states: usize, offset: usize) {
         let Self { groups, masks } = self;
         groups.clear();
         if masks.len() < states {

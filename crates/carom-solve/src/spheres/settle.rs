@@ -128,7 +128,7 @@ impl Sweeps {
 }
 
 /// Largest `beta` after so many sweeps: where contacts stick, slip and open in turn it may be the momentum that drives them.
-fn momentum(sweeps: usize) -> f64 {
+pub(crate) fn momentum(sweeps: usize) -> f64 {
     CAPS[sweeps / TIRED % CAPS.len()]
 }
 

@@ -8,6 +8,7 @@ use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
 use crate::impact::on::On;
 use crate::level::coupling::Trial;
+use crate::level::speeds::closing_left;
 use crate::level::{newton_options, worst_group};
 use crate::model::Model;
 use crate::outcome::Level;
@@ -325,10 +326,8 @@ impl ImpactScratch {
         let mut options = newton_options(&model.options, groups, floor, false);
         // The closing tolerance must stand clear of what the solver leaves (rule R3).
         let closing = self.chosen.iter().map(|&slot| self.closing[slot]);
-        if self.speeds.speed > 0.0 {
-            let least = closing.fold(f64::INFINITY, f64::min);
-            options.tolerance = options.tolerance.min(least / (10.0 * self.speeds.speed));
-        }
+        let least = closing.fold(f64::INFINITY, f64::min);
+        options.closing = closing_left(least, options.tolerance, self.speeds.largest());
         if self.fineness < 1.0 {
             // From a solution, by Newton's method alone.
             options.tolerance *= self.fineness;
