@@ -29,7 +29,8 @@ pub struct NewtonOptions {
     pub tolerance: f64,
     /// Absolute floor of eq. 44 (tol_r tol_f), in the unit of the multipliers.
     pub floor: f64,
-    /// Closed contacts must meet `|gap| <= gap_tolerance * r_c` (position level, small islands); infinite: not asked.
+    /// Closed contacts must meet `|gap| <= gap_tolerance * r_c` (position level, where rows turn with the correction; small islands);
+    /// infinite: not asked (velocity level).
     pub gap_tolerance: f64,
     /// What the worst contact may close by, m/s (velocity level); infinite: not asked.
     pub closing: f64,
@@ -228,7 +229,8 @@ impl Newton {
         let terms = self.evaluate(&mut on, &[lambda, u].concat());
         let residual = on.relative(&terms);
         self.history.push(residual);
-        let closed = on.is_large() || self.are_closed(on.system, options, 0.0);
+        let gaps_closed = on.is_large() || self.gaps_closed(on.system, options, 0.0);
+        let closed = gaps_closed && self.none_closes(on.system, options);
         SolveReport {
             converged: residual < options.tolerance && closed,
             residual,
@@ -371,12 +373,14 @@ impl Newton {
         contacts.all(|c| self.at.z[c.row as usize] >= -options.closing)
     }
 
-    /// Whether what is pressed is closed and nothing overlaps, or closes, as far as the options ask for it. `share` of the friction moves apart what
-    /// slides (the convex companion alone).
-    fn are_closed(&self, system: &RowSystem, options: &NewtonOptions, share: f64) -> bool {
-        if !self.none_closes(system, options) {
-            return false;
-        }
+    /// Whether all is closed and nothing closes, as far as the options ask for it.
+    fn are_closed(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
+        self.none_closes(system, options) && self.gaps_closed(system, options, 0.0)
+    }
+
+    /// Whether what is pressed is closed and nothing overlaps, as far as the options ask for it. `share` of the friction moves apart what slides
+    /// (the convex companion alone).
+    fn gaps_closed(&self, system: &RowSystem, options: &NewtonOptions, share: f64) -> bool {
         options.gap_tolerance.is_infinite()
             || system.contacts.iter().all(|c| {
                 let tolerance = options.gap_tolerance * c.length + GAP_ROUNDINGS * options.rounding;
@@ -419,7 +423,7 @@ impl<P: Subproblem> OnRows<'_, '_, P> {
         step.iter_mut().zip(&*x).for_each(|(step, x)| *step += x);
         self.evaluate(&step);
         let residual = self.on.relative(&self.terms);
-        let closed = self.newton.are_closed(self.on.system, self.on.options, 0.0);
+        let closed = self.newton.are_closed(self.on.system, self.on.options);
         let nearer = residual < self.report.residual && closed;
         if nearer {
             x.copy_from_slice(&step);
@@ -447,7 +451,7 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         newton.history.push(report.residual);
         report.converged = merit.is_finite()
             && report.residual < on.options.tolerance
-            && newton.are_closed(on.system, on.options, 0.0);
+            && newton.are_closed(on.system, on.options);
         self.since_better += 1;
         if report.residual < 0.5 * self.best {
             (self.best, self.since_better) = (report.residual, 0);

@@ -3,7 +3,7 @@
 mod common;
 
 use carom_solve::rows::{Measured, RowSystem, Subproblem};
-use carom_solve::{Beside, NewtonOptions};
+use carom_solve::{Beside, Newton, NewtonOptions};
 use common::{bounds, cross, heap, sharp, solve, violation, Rng, Solved};
 
 /// The finest options with which large islands are swept.
@@ -116,6 +116,24 @@ fn the_worst_contact_closes_no_faster_than_it_may() {
         assert!(worst(&found, &system) <= closing, "{seed}");
     }
     assert!(missed > 4, "{missed}");
+}
+
+/// What a solver has solved before, with more contacts or other discs, changes no bit.
+#[test]
+fn a_solver_that_was_used_finds_the_same() {
+    let mut used = Newton::default();
+    for (contacts, mask) in [(80, 7), (30, 0), (60, 3), (40, 1), (80, 5)] {
+        let system = pushed(contacts as u64, contacts, mask);
+        let of = |newton: &mut Newton| {
+            let (mut system, mut lambda) = (system.clone(), vec![0.0; system.rows()]);
+            let mut u = vec![0.0; 6 * system.nodes()];
+            let problem = &mut Measured(&[]);
+            let report = newton.solve(&mut system, problem, &coarse(), &mut lambda, &mut u);
+            assert!(report.converged && report.rung == "sweeps");
+            (lambda, u)
+        };
+        assert_eq!(of(&mut used), of(&mut Newton::default()));
+    }
 }
 
 /// Gaps of turning normals: each look states the problem anew.

@@ -63,7 +63,7 @@ impl Newton {
         for (slot, status) in self.at.statuses.iter_mut().enumerate() {
             *status = companion::status(on.system, slot, lambda);
         }
-        total.converged = settled && !closes && self.are_closed(on.system, on.options, friction);
+        total.converged = settled && !closes && self.gaps_closed(on.system, on.options, friction);
         total
     }
 

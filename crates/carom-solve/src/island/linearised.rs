@@ -6,7 +6,7 @@ use super::{Island, Newton};
 use crate::cone::{self, Status, MAX_ROWS};
 use crate::report::SolveReport;
 use crate::rows::{RowContact, Subproblem};
-use crate::spheres::momentum;
+use crate::spheres::momentum_cap;
 
 /// Tolerance of a linear problem over that of the island (1). With 1 the island just misses its tolerance, and another linear
 /// problem is needed; small, sweeps that nobody needs.
@@ -22,14 +22,14 @@ const LINEAR_ROUNDINGS: f64 = 4.0;
 /// Share (1) of the last residual below which a linear problem was worth another one. Near 1, rounds without progress; near 0,
 /// good ones are thrown away.
 const GAIN: f64 = 0.5;
-/// Sweeps (1) between two looks at most, each of which states the problem anew. Many: normals have turned long before. Few: momentum is lost with
+/// Sweeps (1) between two looks at most, each of which states positions anew. Many: normals have turned long before. Few: momentum is lost with
 /// each statement, and positions of heaps do not converge (measured with 16).
 const BETWEEN: u32 = 64;
 /// The same at least, where the residual is met and the worst contact is not. Speed alone: a look costs as much as some sweeps.
 const LEAST_BETWEEN: u32 = 8;
 /// Change in a sweep over the multipliers (1), in parts of the tolerance, from which on a look is worth while. Speed alone.
 const LIKELY: f64 = 0.5;
-/// Sweeps (1) in which the residual has to come down to [`GAIN`] times what it was. Small, other ways solve what sweeps would have; large, what
+/// Sweeps (1) in which the residual, and what the worst contact misses, has to come down to [`GAIN`] times what it was. Small, other ways solve what sweeps would have; large, what
 /// they cannot solve costs as many.
 const PATIENCE: u32 = 400;
 /// Overlap over the radius that swept positions may keep, in parts of the tolerance: as in piles. Larger: the norm of all hides the worst contact.
@@ -49,7 +49,7 @@ impl Newton {
         self.set_penalty(on.system, options.penalty_scale);
         let mut tolerance = LINEAR_SHARE * options.tolerance;
         let mut rounding = LINEAR_ROUNDINGS * options.rounding;
-        let (mut before, mut exact) = (f64::INFINITY, true);
+        let (mut before, mut exact, mut finer) = (f64::INFINITY, true, false);
         for _ in 0..most {
             let terms = self.evaluate(on, x);
             total.residual = on.relative(&terms);
@@ -57,10 +57,12 @@ impl Newton {
             if !terms.residual.is_finite() {
                 break;
             }
-            // Gaps of large islands are a target here, no condition: in a tight one they may contradict one another by rounding.
+            // Gaps of large islands are a target here, no condition: in a tight one they may contradict one another by rounding. So is what closes,
+            // for one finer problem.
             let solved = total.residual < options.tolerance;
-            let closed = self.are_closed(on.system, options, 0.0);
-            if solved && (!exact || closed) {
+            let closed = self.gaps_closed(on.system, options, 0.0);
+            let rests = finer || self.none_closes(on.system, options);
+            if solved && (!exact || (closed && rests)) {
                 total.converged = large || closed;
                 break;
             }
@@ -70,6 +72,7 @@ impl Newton {
                     total.converged = solved && (large || closed);
                     break;
                 }
+                finer = true;
                 tolerance *= TIGHTER;
                 rounding *= TIGHTER;
             }
@@ -95,9 +98,8 @@ impl Newton {
         let mut total = SolveReport::default();
         self.set_penalty(on.system, on.options.penalty_scale);
         let (mut done, mut since, mut before) = (0, 0, f64::INFINITY);
-        // Normals of positions turn, and momentum would lead astray. Measures of velocities change by loads alone, and along normals half-way.
+        // Normals of positions turn, and momentum would lead astray. Measures of velocities change with loads, and where they have rows of their own.
         let turns = on.options.gap_tolerance.is_finite();
-        sweeps.begin(on.system);
         loop {
             let terms = self.evaluate(on, x);
             if done == 0 && on.system.load_feedback() > MOST_FEEDBACK {
@@ -106,16 +108,20 @@ impl Newton {
             }
             total.residual = on.relative(&terms);
             self.history.push(total.residual);
-            total.converged = total.residual < on.options.tolerance && self.nearly_closed(on);
+            let missed = (total.residual / on.options.tolerance).max(self.missed(on));
+            total.converged = total.residual < on.options.tolerance && missed < 1.0;
             if total.converged || !terms.residual.is_finite() || done >= most {
                 break;
             }
-            if total.residual <= GAIN * before {
-                (since, before) = (0, total.residual);
+            if missed <= GAIN * before {
+                (since, before) = (0, missed);
             } else if since >= PATIENCE {
                 break;
             }
             let (lambda, u) = x.split_at_mut(on.system.rows());
+            if done == 0 {
+                sweeps.begin(on.system);
+            }
             if done == 0 || turns {
                 sweeps.restart();
                 sweeps.open(on.system, &self.at.z, lambda, u);
@@ -123,12 +129,12 @@ impl Newton {
                 sweeps.measure(on.system, &self.at.z, u);
             }
             let enough = LIKELY * on.options.tolerance;
-            let cap = momentum(done as usize);
+            let cap = momentum_cap(done as usize);
             // What a sweep changes tells of the residual, and not of the worst contact.
-            let least = if total.residual < on.options.tolerance {
-                LEAST_BETWEEN
-            } else {
-                1
+            let least = match total.residual < on.options.tolerance {
+                true if turns => BETWEEN,
+                true => LEAST_BETWEEN,
+                false => 1,
             };
             let calm = (1..=BETWEEN).find(|&k| sweeps.once(cap) <= enough * enough && k >= least);
             let count = calm.unwrap_or(BETWEEN);
@@ -159,11 +165,17 @@ impl Newton {
         Some(total)
     }
 
-    /// Whether no contact overlaps by more than a pile may, where gaps are asked for, or closes faster than it may.
-    fn nearly_closed<P>(&self, on: &Island<P>) -> bool {
-        let most = OVERLAP * on.options.tolerance;
-        let closed = |c: &RowContact| self.at.z[c.row as usize] >= -most * c.length;
-        self.none_closes(on.system, on.options)
-            && (on.options.gap_tolerance.is_infinite() || on.system.contacts.iter().all(closed))
+    /// What the worst contact overlaps by over what it may in a pile, where gaps are asked for, or closes by over what it may (1).
+    fn missed<P>(&self, on: &Island<P>) -> f64 {
+        let options = on.options;
+        let contacts = on.system.contacts.iter().filter(|c| !c.bilateral);
+        let of = |c: &RowContact| {
+            let most = match options.gap_tolerance.is_finite() {
+                true => OVERLAP * options.tolerance * c.length,
+                false => options.closing,
+            };
+            -self.at.z[c.row as usize] / most
+        };
+        contacts.map(of).fold(0.0, f64::max)
     }
 }

@@ -2,7 +2,7 @@
 //! share no node at a time. A sweep costs as much as there are rows, and no factorisation fills up, whatever the bodies are.
 //!
 //! A sweep takes the normal row of a contact to where it closes, `max(0, r - z/w)`, then each of its discs to `P(r - z/w)` with the largest eigenvalue `w`
-//! of the disc's block of `W`: exact for spheres, and never too long.
+//! of the disc's block of `W`, which is never too long a step.
 
 mod kernel;
 
@@ -17,7 +17,7 @@ use kernel::{DiscRows, Group, Row, Sweep};
 pub(super) struct RowSweeps {
     packing: Packing,
     groups: Vec<Group>,
-    /// So many discs of each group, one group after the other.
+    /// Discs of the groups, one group after the other: `each` of every one, as many as a contact has at most.
     discs: Vec<DiscRows>,
     each: usize,
     /// Velocities of the world, then of the nodes; and after the sweep before the last one.
@@ -186,8 +186,8 @@ impl RowSweeps {
     }
 }
 
-/// `w` of the normal row: what the multiplier changes of the measure by itself, and by what follows it in the discs. Where friction is above 1 it is as
-/// much larger: a longer step changes discs by more than itself.
+/// `w` of the normal row: what the multiplier changes of the measure by itself, and by what follows it in the discs. Where friction is above 1 the first
+/// part is as much larger: a longer step changes discs by more than itself.
 fn normal_weight(c: &RowContact, block: &Block) -> f64 {
     let followed = c.bounds.discs().map(|disc| {
         let row = &block[0][disc.start..disc.start + disc.dim];

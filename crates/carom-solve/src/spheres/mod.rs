@@ -37,5 +37,5 @@ pub use lanes::Instructions;
 pub(crate) use lanes::{Lanes, Work};
 pub use problem::{Body, Contact, Place, SpheresError};
 pub use rolls::Roll;
-pub(crate) use settle::momentum;
+pub(crate) use settle::momentum_cap;
 pub use sweeps::{Shape, Sweeps};

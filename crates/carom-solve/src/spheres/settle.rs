@@ -90,7 +90,7 @@ impl Sweeps {
             let count = (most.min(until)).max(least);
             let calm = now.residual <= 0.5 * goal.tolerance;
             let most_now = if calm { goal.calm } else { 1.0 };
-            let cap = momentum(goal.had + now.sweeps).min(most_now);
+            let cap = momentum_cap(goal.had + now.sweeps).min(most_now);
             let done = if self.guided_bodies.iter().any(|g| g.shared) {
                 self.plain(count, enough)
             } else {
@@ -128,7 +128,7 @@ impl Sweeps {
 }
 
 /// Largest `beta` after so many sweeps: where contacts stick, slip and open in turn it may be the momentum that drives them.
-pub(crate) fn momentum(sweeps: usize) -> f64 {
+pub(crate) fn momentum_cap(sweeps: usize) -> f64 {
     CAPS[sweeps / TIRED % CAPS.len()]
 }
 

@@ -324,7 +324,7 @@ impl ImpactScratch {
             floor = floor.max(model.options.touching_tolerance * length / self.span.h * mass);
         }
         let mut options = newton_options(&model.options, groups, floor, false);
-        // The closing tolerance must stand clear of what the solver leaves (rule R3).
+        // What the solver leaves must stay clear of what counts as closing (rule R3).
         let closing = self.chosen.iter().map(|&slot| self.closing[slot]);
         let least = closing.fold(f64::INFINITY, f64::min);
         options.closing = closing_left(least, options.tolerance, self.speeds.largest());

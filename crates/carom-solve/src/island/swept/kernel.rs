@@ -11,7 +11,7 @@ pub(super) struct Row {
     pub jac: [[Column; 3]; 4],
     /// Measures without multipliers.
     pub free: Column,
-    /// Multipliers, and those after the sweep before the last one.
+    /// Multipliers, and between sweeps those after the sweep before the last one.
     pub lambda: Column,
     pub last: Column,
     /// Its diagonal of `W`.
