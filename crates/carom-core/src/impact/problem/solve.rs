@@ -14,6 +14,7 @@ use crate::model::Model;
 use crate::outcome::Level;
 use crate::problem::Solve;
 use crate::rows::along;
+use carom_solve::ladder::COARSE_TOLERANCE;
 use carom_solve::rows::{Measured, RowContact, Subproblem, NODE_DOF};
 use carom_solve::{Beside, NewtonOptions};
 use glam::DVec3;
@@ -327,7 +328,12 @@ impl ImpactScratch {
         // What the solver leaves must stay clear of what counts as closing (rule R3).
         let closing = self.chosen.iter().map(|&slot| self.closing[slot]);
         let least = closing.fold(f64::INFINITY, f64::min);
-        options.closing = closing_left(least, options.tolerance, self.speeds.largest());
+        if options.tolerance >= COARSE_TOLERANCE {
+            options.closing = closing_left(least, options.tolerance, self.speeds.largest());
+        } else if self.speeds.speed > 0.0 {
+            // Newton's method ends finely at no cost. (The norm of all tells little of a light ball beside a heavy lid.)
+            options.tolerance = options.tolerance.min(least / (10.0 * self.speeds.speed));
+        }
         if self.fineness < 1.0 {
             // From a solution, by Newton's method alone.
             options.tolerance *= self.fineness;
