@@ -29,8 +29,8 @@ const BETWEEN: u32 = 64;
 const LEAST_BETWEEN: u32 = 8;
 /// Change in a sweep over the multipliers (1), in parts of the tolerance, from which on a look is worth while. Speed alone.
 const LIKELY: f64 = 0.5;
-/// Sweeps (1) in which the residual, and what the worst contact misses, has to come down to [`GAIN`] times what it was. Small, other ways solve what sweeps would have; large, what
-/// they cannot solve costs as many.
+/// Sweeps (1) in which the residual, and what the worst contact misses, has to come down to [`GAIN`] times what it was. Small, other ways solve what
+/// sweeps would have; large, what they cannot solve costs as many.
 const PATIENCE: u32 = 400;
 /// Overlap over the radius that swept positions may keep, in parts of the tolerance: as in piles. Larger: the norm of all hides the worst contact.
 const OVERLAP: f64 = 0.9;

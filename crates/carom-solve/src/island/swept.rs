@@ -29,7 +29,7 @@ pub(super) struct RowSweeps {
 }
 
 impl RowSweeps {
-    /// Another problem: cuts its contacts into groups. The first sweep has no momentum.
+    /// Another problem: cuts its contacts into groups. [`RowSweeps::restart`] and [`RowSweeps::open`] follow.
     pub fn begin(&mut self, system: &RowSystem) {
         let node = |node: u32| node.wrapping_add(1);
         let links: Vec<UngroupedContact> = (0..)
@@ -63,7 +63,6 @@ impl RowSweeps {
             }
             self.groups.push(group);
         }
-        self.restart();
     }
 
     /// Drops the momentum.

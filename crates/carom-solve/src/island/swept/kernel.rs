@@ -30,12 +30,13 @@ pub(super) struct DiscRows {
 /// Contacts that share no node.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Group {
-    /// Their numbers, [`EMPTY`] in lanes without, and their nodes among the states, 0 for the world.
+    /// Their numbers, [`crate::spheres::lanes::EMPTY`] in lanes without, and their nodes among the states, 0 for the world.
     pub ids: [u32; GROUP],
     pub nodes: [[u32; GROUP]; 2],
     /// Inverse mass and inertia of node a, and of node b.
     pub inverse: [Column; 4],
     pub normal: Row,
+    /// Of the normal row: `1/w`, and the least multiplier.
     pub step: Column,
     pub least: Column,
 }
