@@ -19,6 +19,7 @@ use crate::linear_step::{Iterate, LinearStep};
 use crate::newton::{Augmented, Equations, Rule, Steps};
 use crate::report::SolveReport;
 use crate::rows::{RowContact, RowSystem, Subproblem, NODE_DOF};
+use crate::solver::SPLIT_CONTACTS;
 use hybrid::Hybrid;
 use swept::RowSweeps;
 
@@ -177,6 +178,11 @@ impl Newton {
             let fits = knows
                 && match rung.when {
                     IslandWhen::Coarse => on.is_coarse(),
+                    IslandWhen::Swept => {
+                        !self.attempts.is_empty()
+                            && on.is_coarse()
+                            && on.system.contacts.len() <= SPLIT_CONTACTS
+                    }
                     IslandWhen::Always => true,
                     IslandWhen::Linearised => options.beside.linearised,
                     IslandWhen::Last => options.beside.companion.is_some(),
@@ -186,11 +192,16 @@ impl Newton {
             }
             total.fallback |= !self.attempts.is_empty();
             x.clone_from(&self.start);
+            if matches!(rung.way, IslandWay::Split) {
+                self.split(&mut on, &mut x);
+            }
             let mut report = match rung.way {
-                IslandWay::Sweeps => match self.sweep(&mut on, rung.budget, &mut x) {
-                    Some(report) => report,
-                    None => continue,
-                },
+                IslandWay::Sweeps | IslandWay::Split => {
+                    match self.sweep(&mut on, rung.budget, &mut x) {
+                        Some(report) => report,
+                        None => continue,
+                    }
+                }
                 IslandWay::Newton => self.iterate(&mut on, held, &mut x),
                 IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
                 IslandWay::Companion => self.companion(&mut on, rung.budget, &mut x),

@@ -40,6 +40,8 @@ pub const HELD: &str = "held at rest";
 pub enum IslandWay {
     /// Sweeps over the rows.
     Sweeps,
+    /// Alternating directions, then sweeps.
+    Split,
     /// Linear cone problems, one after the other, each by [`AUTO`].
     Linearised,
     /// Newton's method.
@@ -54,6 +56,8 @@ pub enum IslandWhen {
     Always,
     /// A large island without joints, which a coarse tolerance would loosen, and a tolerance from [`COARSE_TOLERANCE`] on.
     Coarse,
+    /// Where sweeps were tried, up to [`crate::solver::SPLIT_CONTACTS`] contacts.
+    Swept,
     /// The options allow linear problems in its place.
     Linearised,
     /// The options take what is near a solution.
@@ -155,8 +159,9 @@ const fn round(relaxation: f64, patience: u32) -> Method {
 
 /// Islands of rows. Newton's method has as many iterations as the options say.
 #[rustfmt::skip]
-pub const ISLAND: [Rung<IslandWay, IslandWhen>; 4] = [
+pub const ISLAND: [Rung<IslandWay, IslandWhen>; 5] = [
     rung("sweeps",     IslandWay::Sweeps,     2_000,    IslandWhen::Coarse, "many contacts, whose factors fill up, and a tolerance that sweeps reach"),
+    rung("split",      IslandWay::Split,      2_000,    IslandWhen::Swept, "sweeps crawl: alternating directions tell which forces hold one another"),
     rung("newton",     IslandWay::Newton,     u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
     rung("linearised", IslandWay::Linearised, 12,       IslandWhen::Linearised, "hyperstatic islands, where Newton goes round in circles"),
     rung("companion",  IslandWay::Companion,  12,       IslandWhen::Last,   "no solution, or none that is found: what slides moves apart"),

@@ -24,17 +24,6 @@ pub(super) const PATIENCE: usize = 1_000;
 /// minutes. Fewer: jams of a few hundred contacts end at the last halving, and the run stops.
 pub(super) const NEWTON_CONTACTS: usize = 500;
 
-/// Most contacts of a velocity problem that goes to alternating directions where sweeps fail, which have one factorisation for all iterations. More:
-/// its memory, and seconds for each failure. Fewer: heaps of rolling grains are halved, and may stop the run.
-pub(super) const SPLIT_CONTACTS: usize = 2_000;
-
-/// Iterations (1) of these, before sweeps go on from what they find: they tell which forces hold one another, sweeps end what is left at single
-/// contacts. More: what has no solution takes as long to say so. Fewer: steps of grains that roll are halved.
-pub(super) const SPLIT_ITERATIONS: u32 = 300;
-
-/// Their tolerance over that of the pile (1), which is of another norm. Near 1 the judge of the pile may refuse what they find.
-pub(super) const SPLIT_SHARE: f64 = 0.1;
-
 /// Fewest contacts of a large island, which is solved otherwise where it is hit. Fewer: wedges stay, and a tower of 28 balls gained energy. More:
 /// hit piles of tens of thousands of grains take up to twice the sweeps.
 pub(super) const LARGE_ISLAND: usize = 10_000;

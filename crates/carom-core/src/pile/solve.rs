@@ -8,13 +8,11 @@ use crate::impact::compliant::{impulses, spring};
 use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
 use crate::model::Model;
-use crate::pile::limits::{
-    budget, finer, tolerance, worst, PATIENCE, SPLIT_CONTACTS, SPLIT_ITERATIONS, SPLIT_SHARE,
-};
+use crate::pile::limits::{budget, finer, tolerance, worst, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
 use carom_solve::problem::Problem;
-use carom_solve::solver::{self, Admm, Settings};
+use carom_solve::solver::{split, SPLIT_CONTACTS};
 use carom_solve::spheres::{self, Goal, Progress};
 use carom_solve::team;
 use glam::DVec3;
@@ -238,8 +236,8 @@ impl Pile {
         progress
     }
 
-    /// Solves the problem at hand by alternating directions and sweeps, from the impulses that sweeps have left: grains that roll may have so
-    /// many self-balanced forces that sweeps crawl. Nothing, and the sweeps as they were: it is too large, or not solved so either.
+    /// Solves the problem at hand by alternating directions ([`split`]) and sweeps, from the impulses that sweeps have left. Nothing, and the sweeps
+    /// as they were: it is too large, or not solved so either.
     fn split(&mut self, model: &Model, contacts: &[Contact], goal: &Goal) -> Option<Progress> {
         if self.contacts.is_empty() || self.contacts.len() > SPLIT_CONTACTS {
             return None;
@@ -248,13 +246,7 @@ impl Pile {
         let stated = self.stated(&self.impulses, &self.moments);
         let (rows, framed, mut lambda) = problem_data::rows(model, contacts, &self.bodies, &stated);
         let problem = Problem::from_rows(&rows, &rows.z0);
-        let settings = Settings {
-            tolerance: SPLIT_SHARE * goal.tolerance,
-            max_iterations: SPLIT_ITERATIONS,
-            threads: self.sweeps.threads,
-            ..Settings::default()
-        };
-        solver::solve(&problem, &mut Admm::default(), settings, &mut lambda);
+        split(&problem, goal.tolerance, self.sweeps.threads, &mut lambda);
         let before = (self.impulses.clone(), self.moments.clone());
         self.start_from_rows(&rows, &framed, &lambda);
         if self.load_sweeps().is_ok() {

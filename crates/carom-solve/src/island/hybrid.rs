@@ -3,7 +3,7 @@
 use crate::problem::Problem;
 use crate::report::SolveReport;
 use crate::rows::RowSystem;
-use crate::solver::{Auto, Settings};
+use crate::solver::{self, Auto, Settings};
 
 /// Contact updates that the sweeps of one linear problem may cost, some tenths of a second; bounds the time of a step in a jam.
 /// Small, more fallbacks and halved steps; large, a step that never converges takes long before it is halved.
@@ -43,7 +43,7 @@ impl Hybrid {
             tolerance: tolerance.max(explained),
             ..Settings::default()
         };
-        let outcome = crate::solver::solve(&self.problem, &mut self.auto, settings, lambda);
+        let outcome = solver::solve(&self.problem, &mut self.auto, settings, lambda);
         system.correction(lambda, u);
         let factorised = ["newton", "interior-point"];
         let stages = outcome.stages.iter();
@@ -54,6 +54,14 @@ impl Hybrid {
             fallback: stages.clone().any(|s| s.solver == "interior-point"),
             ..SolveReport::default()
         }
+    }
+
+    /// Leaves what alternating directions find of the same problem.
+    pub fn split(&mut self, system: &RowSystem, z: &[f64], tolerance: f64, x: &mut [f64]) {
+        let (lambda, u) = x.split_at_mut(system.rows());
+        self.state(system, z, u);
+        solver::split(&self.problem, tolerance, 1, lambda);
+        system.correction(lambda, u);
     }
 
     /// The problem with the measures `z` at the correction `u` of the multipliers.

@@ -87,6 +87,14 @@ impl Newton {
         total
     }
 
+    /// Alternating directions on the problem linearised at `x`.
+    pub(super) fn split<P: Subproblem>(&mut self, on: &mut Island<P>, x: &mut [f64]) {
+        self.set_penalty(on.system, on.options.penalty_scale);
+        self.evaluate(on, x);
+        self.hybrid
+            .split(on.system, &self.at.z, on.options.tolerance, x);
+    }
+
     /// Sweeps, and linearises anew at each look. Nothing: loads follow the motion too closely to be those of the look before.
     pub(super) fn sweep<P: Subproblem>(
         &mut self,

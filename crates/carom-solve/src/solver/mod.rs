@@ -15,7 +15,7 @@ mod one_contact;
 mod semi_smooth;
 pub mod sweep;
 
-pub use admm::Admm;
+pub use admm::{split, Admm, SPLIT_CONTACTS};
 pub use auto::Auto;
 pub use by_name::{by_name, solve, SOLVERS};
 pub use gauss_seidel::GaussSeidel;
