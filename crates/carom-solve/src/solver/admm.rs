@@ -22,7 +22,7 @@ const RESTART: f64 = 0.999;
 pub const SPLIT_CONTACTS: usize = 2_000;
 /// Iterations (1) of it, before sweeps go on from what it finds: it tells which forces hold one another, sweeps end what is left at single
 /// contacts. More: what has no solution takes as long to say so. Fewer: steps of grains that roll are halved.
-const SPLIT_ITERATIONS: u32 = 300;
+const SPLIT_ITERATIONS: u32 = 1_000;
 /// Its tolerance over that of the island (1), which is of another norm. Near 1 the judge of the island may refuse what it finds.
 const SPLIT_SHARE: f64 = 0.1;
 
