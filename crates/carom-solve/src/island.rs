@@ -192,19 +192,15 @@ impl Newton {
             }
             total.fallback |= !self.attempts.is_empty();
             x.clone_from(&self.start);
-            if matches!(rung.way, IslandWay::Split) {
-                self.split(&mut on, &mut x);
-            }
-            let mut report = match rung.way {
-                IslandWay::Sweeps | IslandWay::Split => {
-                    match self.sweep(&mut on, rung.budget, &mut x) {
-                        Some(report) => report,
-                        None => continue,
-                    }
-                }
-                IslandWay::Newton => self.iterate(&mut on, held, &mut x),
-                IslandWay::Linearised => self.linearise(&mut on, rung.budget, &mut x),
-                IslandWay::Companion => self.companion(&mut on, rung.budget, &mut x),
+            let report = match rung.way {
+                IslandWay::Sweeps => self.sweep(&mut on, rung.budget, &mut x),
+                IslandWay::Split => self.split(&mut on, rung.budget, &mut x),
+                IslandWay::Newton => Some(self.iterate(&mut on, held, &mut x)),
+                IslandWay::Linearised => Some(self.linearise(&mut on, rung.budget, &mut x)),
+                IslandWay::Companion => Some(self.companion(&mut on, rung.budget, &mut x)),
+            };
+            let Some(mut report) = report else {
+                continue;
             };
             report.rung = rung.name;
             total.add(&report);

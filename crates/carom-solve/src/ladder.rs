@@ -98,6 +98,8 @@ pub enum When {
 /// `pile_tolerance` (1) from which on large islands are swept. Smaller: sweeps, which converge linearly, crawl in islands that Newton's method solves
 /// faster. Larger: scenes of piles pay for factorisations of each small island.
 pub const COARSE_TOLERANCE: f64 = 1e-5;
+/// Sweeps (1) over the rows of an island at most. Small, other ways solve what they would have; large, what they cannot solve costs as many.
+pub(crate) const SWEEPS: u32 = 2_000;
 /// Rows (1) up to which a matrix is dense, and Newton's method begins: a dense factorisation costs no more than some sweeps.
 /// Only time hangs on it.
 pub const SMALL_ROWS: usize = 96;
@@ -160,8 +162,8 @@ const fn round(relaxation: f64, patience: u32) -> Method {
 /// Islands of rows. Newton's method has as many iterations as the options say.
 #[rustfmt::skip]
 pub const ISLAND: [Rung<IslandWay, IslandWhen>; 5] = [
-    rung("sweeps",     IslandWay::Sweeps,     2_000,    IslandWhen::Coarse, "many contacts, whose factors fill up, and a tolerance that sweeps reach"),
-    rung("split",      IslandWay::Split,      2_000,    IslandWhen::Swept, "sweeps crawl: alternating directions tell which forces hold one another"),
+    rung("sweeps",     IslandWay::Sweeps,     SWEEPS,   IslandWhen::Coarse, "many contacts, whose factors fill up, and a tolerance that sweeps reach"),
+    rung("split",      IslandWay::Split,      12,       IslandWhen::Swept, "sweeps crawl: alternating directions tell which forces hold one another"),
     rung("newton",     IslandWay::Newton,     u32::MAX, IslandWhen::Always, "quadratic, from the statuses of the start"),
     rung("linearised", IslandWay::Linearised, 12,       IslandWhen::Linearised, "hyperstatic islands, where Newton goes round in circles"),
     rung("companion",  IslandWay::Companion,  12,       IslandWhen::Last,   "no solution, or none that is found: what slides moves apart"),

@@ -4,6 +4,7 @@
 
 use super::{Island, Newton};
 use crate::cone::{self, Status, MAX_ROWS};
+use crate::ladder::SWEEPS;
 use crate::report::SolveReport;
 use crate::rows::{RowContact, Subproblem};
 use crate::spheres::momentum_cap;
@@ -87,12 +88,25 @@ impl Newton {
         total
     }
 
-    /// Alternating directions on the problem linearised at `x`.
-    pub(super) fn split<P: Subproblem>(&mut self, on: &mut Island<P>, x: &mut [f64]) {
+    /// Alternating directions on the problem linearised where it is, then sweeps, in turn. Nothing where sweeps say so.
+    pub(super) fn split<P: Subproblem>(
+        &mut self,
+        on: &mut Island<P>,
+        rounds: u32,
+        x: &mut [f64],
+    ) -> Option<SolveReport> {
         self.set_penalty(on.system, on.options.penalty_scale);
-        self.evaluate(on, x);
-        self.hybrid
-            .split(on.system, &self.at.z, on.options.tolerance, x);
+        let mut total = SolveReport::default();
+        for _ in 0..rounds {
+            self.evaluate(on, x);
+            (self.hybrid).split(on.system, &self.at.z, on.options.tolerance, x);
+            let swept = self.sweep(on, SWEEPS, x)?;
+            total.add(&swept);
+            if total.converged {
+                break;
+            }
+        }
+        Some(total)
     }
 
     /// Sweeps, and linearises anew at each look. Nothing: loads follow the motion too closely to be those of the look before.
