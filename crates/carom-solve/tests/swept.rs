@@ -44,18 +44,23 @@ fn off_centre(system: &mut RowSystem, rng: &mut Rng, size: f64) {
 
 /// A heap of `contacts` contacts that are pushed together at random.
 fn pushed(seed: u64, contacts: usize, mask: usize) -> RowSystem {
+    levered(seed, contacts, mask, 0.8, 0.6)
+}
+
+/// The same with friction up to `most`, and levers of a length.
+fn levered(seed: u64, contacts: usize, mask: usize, most: f64, levers: f64) -> RowSystem {
     let rng = &mut Rng(seed);
     let spheres = heap(rng, contacts, true, false);
     let laws: Vec<_> = spheres
         .pairs
         .iter()
-        .map(|_| bounds(mask, rng, 0.5, 0.8))
+        .map(|_| bounds(mask, rng, 0.5, most))
         .collect();
     let mut system = spheres.system(&laws, |_, row| match row {
         0 => rng.uniform(-1.0, 0.2),
         _ => rng.uniform(-0.5, 0.5),
     });
-    off_centre(&mut system, &mut Rng(seed + 1), 0.6);
+    off_centre(&mut system, &mut Rng(seed + 1), levers);
     system
 }
 
@@ -116,6 +121,21 @@ fn the_worst_contact_closes_no_faster_than_it_may() {
         assert!(worst(&found, &system) <= closing, "{seed}");
     }
     assert!(missed > 4, "{missed}");
+}
+
+/// Contacts with levers that are long beside the radii of gyration lock one another: sweeps alone crawl, and go on from alternating directions.
+#[test]
+fn what_locks_is_split() {
+    let mut split = 0;
+    for seed in 0..24 {
+        let mut system = levered(seed, 150, 1, 1.5, 8.0);
+        let found = solve(&mut system, &mut Measured(&[]), &coarse());
+        assert!(found.report.converged, "{seed}");
+        assert!(found.violation < 2e-4, "{seed}: {}", found.violation);
+        assert_eq!(found.report.fallback, found.report.rung != "sweeps");
+        split += usize::from(found.report.rung == "split");
+    }
+    assert!(split > 2, "{split}");
 }
 
 /// What a solver has solved before, with more contacts or other discs, changes no bit.
