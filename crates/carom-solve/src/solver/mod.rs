@@ -13,9 +13,10 @@ mod judge;
 mod matrix;
 mod one_contact;
 mod semi_smooth;
+mod split;
 pub mod sweep;
 
-pub use admm::{split, Admm, SPLIT_CONTACTS};
+pub use admm::Admm;
 pub use auto::Auto;
 pub use by_name::{by_name, solve, SOLVERS};
 pub use gauss_seidel::GaussSeidel;
@@ -23,5 +24,6 @@ pub use interior::InteriorPoint;
 pub use judge::{Clock, ConeSolver, Judge, Outcome, Settings, Stage};
 pub use one_contact::solve_contact;
 pub use semi_smooth::SemiSmoothNewton;
+pub use split::{split, SPLIT_CONTACTS};
 
 pub(crate) use auto::fill;
