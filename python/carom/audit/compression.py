@@ -24,6 +24,8 @@ MOST = 60
 ROUNDS, SWEEPS, SOLVED = 60, 5, 1e-13
 #: How much of a residual the solution may hold of before it counts as one of many.
 UNIQUE = 1e7
+#: Share of its bound by which friction may miss it and slip as well as stick: what is at rest there tells of neither.
+EDGE = 1e-6
 
 
 Causes = Iterable[tuple[Bool, str]]
@@ -115,7 +117,9 @@ def solve(w: F64, q: F64, mu: F64) -> tuple[F64, float] | None:
             if np.abs(after).max() < np.abs(residual).max():
                 r, residual, slope = tried, after, new
         if np.abs(residual).max() <= SOLVED * scale:
-            least = float(np.linalg.svd(slope, compute_uv=False)[-1])
+            # Friction at its bound without slip may give way to either side.
+            slopes = (slope, _natural(w, q, mu, step, r, EDGE)[1])
+            least = min(float(np.linalg.svd(of, compute_uv=False)[-1]) for of in slopes)
             return (r.reshape(n, 3), 1.0 / least) if least * UNIQUE > 1.0 else None
     return None
 
@@ -128,8 +132,8 @@ def _projected(xi: F64, mu: float) -> F64:
     return np.array([normal, share * xi[1], share * xi[2]])
 
 
-def _natural(w: F64, q: F64, mu: F64, step: F64, r: F64) -> tuple[F64, F64]:
-    """`r - P(r - z/D)`, and its slope by `r`."""
+def _natural(w: F64, q: F64, mu: F64, step: F64, r: F64, edge: float = 0.0) -> tuple[F64, F64]:
+    """`r - P(r - z/D)`, and its slope by `r`; friction that is above its bound by a share of `edge` still sticks in it."""
     xi = r - step * (w @ r + q)
     moved = np.eye(len(r)) - step[:, None] * w
     residual, slope = r.copy(), np.eye(len(r))
@@ -140,7 +144,7 @@ def _natural(w: F64, q: F64, mu: F64, step: F64, r: F64) -> tuple[F64, F64]:
             continue
         slope[n] -= moved[n]
         size = float(np.hypot(*xi[t]))
-        if size <= m * xi[n]:
+        if size <= (1.0 + edge) * m * xi[n]:
             slope[t] -= moved[t]
         elif m > 0.0:
             way = xi[t] / size

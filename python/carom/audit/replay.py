@@ -379,11 +379,12 @@ class Replay:
         )
         weight = self.loads_give[r.k]
         scale = self.top[r.k]
-        # Speeds follow from recorded impulses without any solver, to rounding of both.
+        # Speeds follow from recorded impulses without any solver: to rounding, and to what the residual of all rows of both
+        # bodies gives, since impulses are its last projection.
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
         told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))
         every = np.arange(rows.start, rows.stop)
-        self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * left)
+        self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[1] * left)
         o, index = run.options, self.law[rows]
         newtons, printed = (run.impact_law.restitution == law for law in ("newton", "printed"))
         acts = (r.problem > 0) & (newtons | (printed & ~run.ends(r.problem)))
