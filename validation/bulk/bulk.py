@@ -72,6 +72,9 @@ def run(case: Case, place: Path, options: argparse.Namespace) -> None:
                 threads=options.threads,
                 **soft,
             )
+            for law in scene.contacts:
+                law.friction *= options.friction
+                law.restitution *= options.restitution
             timed(place, lambda: carom.simulate(scene, out=place, until=SETTLING, progress=bar))
             bar.stop()
             bar = Bar()
@@ -107,6 +110,8 @@ def arguments() -> argparse.Namespace:
         default="nsga",
         help="method in time (nsga); penalty: soft grains as in the other codes, ten times as slow",
     )
+    for name in ("friction", "restitution"):
+        add(f"--{name}", type=float, default=1.0, metavar="SHARE", help=f"{name} of all pairs, over theirs (1)")
     add("--threads", type=int, default=1, help="threads (1)")
     add("--json", action="store_true", help="print all numbers as JSON")
     add(

@@ -1,4 +1,4 @@
-//! Islands of rows, solved by the ladder [`ISLAND`] (rule R1), Newton's method first.
+//! Islands of rows, solved by the ladder [`ISLAND`] (rule R1): large ones at a coarse tolerance are swept, others have Newton's method first.
 //!
 //! Unknowns are the multipliers and the correction `u` (M u = G^T lambda). One iteration of Newton's method solves
 //! `[M - sum phi_N K + p G^T C G, -G^T C; -C p G, C - 1] (du, dl) = -(M u - G^T phi, phi - l)`
@@ -179,9 +179,9 @@ impl Newton {
                 && match rung.when {
                     IslandWhen::Coarse => on.is_coarse(),
                     IslandWhen::Swept => {
-                        !self.attempts.is_empty()
-                            && on.is_coarse()
-                            && on.system.contacts.len() <= SPLIT_CONTACTS
+                        let velocities = options.gap_tolerance.is_infinite();
+                        let swept = !self.attempts.is_empty();
+                        swept && velocities && on.system.contacts.len() <= SPLIT_CONTACTS
                     }
                     IslandWhen::Always => true,
                     IslandWhen::Linearised => options.beside.linearised,

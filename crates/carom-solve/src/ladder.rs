@@ -56,7 +56,7 @@ pub enum IslandWhen {
     Always,
     /// A large island without joints, which a coarse tolerance would loosen, and a tolerance from [`COARSE_TOLERANCE`] on.
     Coarse,
-    /// Where sweeps were tried, up to [`crate::solver::SPLIT_CONTACTS`] contacts.
+    /// Velocities that sweeps have not found, up to [`crate::solver::SPLIT_CONTACTS`] contacts.
     Swept,
     /// The options allow linear problems in its place.
     Linearised,

@@ -6,7 +6,7 @@ use crate::ladder::{self, Attempt};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SolveReport {
     pub converged: bool,
-    /// Newton iterations (linear solves) over all rungs; 1 for a closed form.
+    /// Newton iterations (linear solves) and looks between sweeps over all rungs; 1 for a closed form.
     pub iterations: u32,
     /// Reductions of the step length over all iterations.
     pub line_search: u32,

@@ -135,22 +135,49 @@ fn what_locks_is_split() {
         assert_eq!(found.report.fallback, found.report.rung != "sweeps");
         split += usize::from(found.report.rung == "split");
     }
-    assert!(split > 2, "{split}");
+    assert!(split > 5, "{split}");
+}
+
+/// What sweeps do not solve is left to Newton's method where normal impulses have a least: no other way knows of it.
+#[test]
+fn what_locks_is_not_split_where_impulses_have_a_least() {
+    for seed in [3, 4, 6] {
+        let mut system = levered(seed, 150, 1, 1.5, 8.0);
+        let (mut newton, mut lambda) = (Newton::default(), vec![0.0; system.rows()]);
+        let mut u = vec![0.0; 6 * system.nodes()];
+        system.contacts[0].least = 0.1;
+        let problem = &mut Measured(&[]);
+        newton.solve(&mut system, problem, &coarse(), &mut lambda, &mut u);
+        let tried: Vec<_> = newton.attempts.iter().map(|a| a.rung).collect();
+        assert!(
+            tried == ["sweeps"] || tried == ["sweeps", "newton"],
+            "{tried:?}"
+        );
+    }
 }
 
 /// What a solver has solved before, with more contacts or other discs, changes no bit.
 #[test]
 fn a_solver_that_was_used_finds_the_same() {
     let mut used = Newton::default();
-    for (contacts, mask) in [(80, 7), (30, 0), (60, 3), (40, 1), (80, 5)] {
-        let system = pushed(contacts as u64, contacts, mask);
+    let of = |contacts: usize, mask| pushed(contacts as u64, contacts, mask);
+    let systems = [
+        of(80, 7),
+        levered(3, 150, 1, 1.5, 8.0),
+        of(30, 0),
+        of(60, 3),
+        levered(13, 150, 1, 1.5, 8.0),
+        of(40, 1),
+        of(80, 5),
+    ];
+    for system in systems {
         let of = |newton: &mut Newton| {
             let (mut system, mut lambda) = (system.clone(), vec![0.0; system.rows()]);
             let mut u = vec![0.0; 6 * system.nodes()];
             let problem = &mut Measured(&[]);
             let report = newton.solve(&mut system, problem, &coarse(), &mut lambda, &mut u);
-            assert!(report.converged && report.rung == "sweeps");
-            (lambda, u)
+            assert!(report.converged);
+            (lambda, u, report.rung)
         };
         assert_eq!(of(&mut used), of(&mut Newton::default()));
     }

@@ -24,7 +24,8 @@ MOST = 60
 ROUNDS, SWEEPS, SOLVED = 60, 5, 1e-13
 #: How much of a residual the solution may hold of before it counts as one of many.
 UNIQUE = 1e7
-#: Share of its bound by which friction may miss it and slip as well as stick: what is at rest there tells of neither.
+#: How far friction may be from its bound, as a share of it, and slip as well as stick; over the largest impulse, how far
+#: a contact may be from pressing, and press as well as open. What is at rest there tells of neither.
 EDGE = 1e-6
 
 
@@ -117,8 +118,8 @@ def solve(w: F64, q: F64, mu: F64) -> tuple[F64, float] | None:
             if np.abs(after).max() < np.abs(residual).max():
                 r, residual, slope = tried, after, new
         if np.abs(residual).max() <= SOLVED * scale:
-            # Friction at its bound without slip may give way to either side.
-            slopes = (slope, _natural(w, q, mu, step, r, EDGE)[1])
+            # What is at rest on an edge of its law may give way to either side.
+            slopes = (slope, *(_natural(w, q, mu, step, r, edge)[1] for edge in (EDGE, -EDGE)))
             least = min(float(np.linalg.svd(of, compute_uv=False)[-1]) for of in slopes)
             return (r.reshape(n, 3), 1.0 / least) if least * UNIQUE > 1.0 else None
     return None
@@ -133,18 +134,18 @@ def _projected(xi: F64, mu: float) -> F64:
 
 
 def _natural(w: F64, q: F64, mu: F64, step: F64, r: F64, edge: float = 0.0) -> tuple[F64, F64]:
-    """`r - P(r - z/D)`, and its slope by `r`; friction that is above its bound by a share of `edge` still sticks in it."""
+    """`r - P(r - z/D)`, and its slope by `r`: where contacts press and stick that miss it by `edge`."""
     xi = r - step * (w @ r + q)
     moved = np.eye(len(r)) - step[:, None] * w
-    residual, slope = r.copy(), np.eye(len(r))
+    residual, slope, off = r.copy(), np.eye(len(r)), edge * float(np.abs(r).max(initial=0.0))
     for i, m in enumerate(mu):
         rows, n, t = slice(3 * i, 3 * i + 3), 3 * i, slice(3 * i + 1, 3 * i + 3)
         residual[rows] -= _projected(xi[rows], float(m))
-        if xi[n] <= 0.0:
+        if xi[n] <= -off:
             continue
         slope[n] -= moved[n]
         size = float(np.hypot(*xi[t]))
-        if size <= (1.0 + edge) * m * xi[n]:
+        if size <= m * ((1.0 + edge) * xi[n] + off):
             slope[t] -= moved[t]
         elif m > 0.0:
             way = xi[t] / size

@@ -347,6 +347,15 @@ class Replay:
             return self.answers.of(where, found, free=True)
         return self.answers.of(where, found)
 
+    def _shared(self, rows: slice) -> I64:
+        """(K,) how many rows act on one of both bodies, the larger number."""
+        a, b = (at[rows] for at in self.at)
+        # What does not move has no rows in common.
+        moves = self.r.b[rows] < self.block.run.bodies
+        ends = np.concatenate([a, np.where(moves, b, -1 - np.arange(len(b)))])
+        _, which, many = np.unique(ends, return_inverse=True, return_counts=True)
+        return np.maximum(*many[which].reshape(2, -1))
+
     def _terms(self, rows: slice | I64, at: I64, change: F64) -> F64:
         """(B,) `bounds.terms` of some rows and of the velocities that they change."""
         return bounds.terms(self.block, self.r.k[rows], self.squares[rows], at, change * self.inertia[at])
@@ -379,12 +388,12 @@ class Replay:
         )
         weight = self.loads_give[r.k]
         scale = self.top[r.k]
-        # Speeds follow from recorded impulses without any solver: to rounding, and to what the residual of all rows of both
-        # bodies gives, since impulses are its last projection.
+        # Speeds follow from recorded impulses to rounding, and to the residual of all rows of both bodies: the solver's
+        # speeds belong to multipliers before their last projection, and recorded impulses are after it.
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
         told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))
         every = np.arange(rows.start, rows.stop)
-        self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[1] * left)
+        self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * np.sqrt(self._shared(rows)) * left)
         o, index = run.options, self.law[rows]
         newtons, printed = (run.impact_law.restitution == law for law in ("newton", "printed"))
         acts = (r.problem > 0) & (newtons | (printed & ~run.ends(r.problem)))

@@ -246,7 +246,7 @@ impl Pile {
         let stated = self.stated(&self.impulses, &self.moments);
         let (rows, framed, mut lambda) = problem_data::rows(model, contacts, &self.bodies, &stated);
         let problem = Problem::from_rows(&rows, &rows.z0);
-        split(&problem, goal.tolerance, self.sweeps.threads, &mut lambda);
+        split(&problem, goal.tolerance, &mut lambda);
         let before = (self.impulses.clone(), self.moments.clone());
         self.start_from_rows(&rows, &framed, &lambda);
         if self.load_sweeps().is_ok() {

@@ -1,4 +1,4 @@
-//! One linear cone problem of an island in blocks, solved by [`Auto`] or swept.
+//! One linear cone problem of an island in blocks, solved by [`Auto`] or split.
 
 use crate::problem::Problem;
 use crate::report::SolveReport;
@@ -60,7 +60,7 @@ impl Hybrid {
     pub fn split(&mut self, system: &RowSystem, z: &[f64], tolerance: f64, x: &mut [f64]) {
         let (lambda, u) = x.split_at_mut(system.rows());
         self.state(system, z, u);
-        solver::split(&self.problem, tolerance, 1, lambda);
+        solver::split(&self.problem, tolerance, lambda);
         system.correction(lambda, u);
     }
 

@@ -23,6 +23,9 @@ const LINEAR_ROUNDINGS: f64 = 4.0;
 /// Share (1) of the last residual below which a linear problem was worth another one. Near 1, rounds without progress; near 0,
 /// good ones are thrown away.
 const GAIN: f64 = 0.5;
+/// Tolerance of alternating directions over that of the round before (1). At 1, rounds in which the worst contact alone misses repeat one another;
+/// small, iterations that nobody needs.
+const NEXT_ROUND: f64 = 0.5;
 /// Sweeps (1) between two looks at most, each of which states positions anew. Many: normals have turned long before. Few: momentum is lost with
 /// each statement, and positions of heaps do not converge (measured with 16).
 const BETWEEN: u32 = 64;
@@ -88,23 +91,25 @@ impl Newton {
         total
     }
 
-    /// Alternating directions on the problem linearised where it is, then sweeps, in turn. Nothing where sweeps say so.
+    /// Alternating directions on the problem linearised where it is, then sweeps, in turn; more finely each time, where the worst contact is what
+    /// misses. Nothing where sweeps say so.
     pub(super) fn split<P: Subproblem>(
         &mut self,
         on: &mut Island<P>,
         rounds: u32,
         x: &mut [f64],
     ) -> Option<SolveReport> {
-        self.set_penalty(on.system, on.options.penalty_scale);
         let mut total = SolveReport::default();
+        let mut tolerance = on.options.tolerance;
         for _ in 0..rounds {
             self.evaluate(on, x);
-            (self.hybrid).split(on.system, &self.at.z, on.options.tolerance, x);
+            self.hybrid.split(on.system, &self.at.z, tolerance, x);
             let swept = self.sweep(on, SWEEPS, x)?;
             total.add(&swept);
-            if total.converged {
+            if total.converged || !total.residual.is_finite() {
                 break;
             }
+            tolerance *= NEXT_ROUND;
         }
         Some(total)
     }
