@@ -111,7 +111,7 @@ def arguments() -> argparse.Namespace:
         help="method in time (nsga); penalty: soft grains as in the other codes, ten times as slow",
     )
     for name in ("friction", "restitution"):
-        add(f"--{name}", type=float, default=1.0, metavar="SHARE", help=f"{name} of all pairs, over theirs (1)")
+        add(f"--{name}", type=float, default=1.0, metavar="SHARE", help=f"{name} over that of each pair (1)")
     add("--threads", type=int, default=1, help="threads (1)")
     add("--json", action="store_true", help="print all numbers as JSON")
     add(

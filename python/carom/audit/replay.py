@@ -393,7 +393,8 @@ class Replay:
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
         told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))
         every = np.arange(rows.start, rows.stop)
-        self._tell("impact speeds", every, told, 10.0 * noise + 2.0 * own[0] * np.sqrt(self._shared(rows)) * left)
+        spread = 2.0 * own[0] * np.sqrt(self._shared(rows)) * left
+        self._tell("impact speeds", every, told, 10.0 * noise + spread)
         o, index = run.options, self.law[rows]
         newtons, printed = (run.impact_law.restitution == law for law in ("newton", "printed"))
         acts = (r.problem > 0) & (newtons | (printed & ~run.ends(r.problem)))
