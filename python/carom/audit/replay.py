@@ -354,7 +354,8 @@ class Replay:
         moves = self.r.b[rows] < self.block.run.bodies
         ends = np.concatenate([a, np.where(moves, b, -1 - np.arange(len(b)))])
         _, which, many = np.unique(ends, return_inverse=True, return_counts=True)
-        return np.maximum(*many[which].reshape(2, -1))
+        shared: I64 = many[which].reshape(2, -1).max(axis=0)
+        return shared
 
     def _terms(self, rows: slice | I64, at: I64, change: F64) -> F64:
         """(B,) `bounds.terms` of some rows and of the velocities that they change."""
@@ -393,8 +394,8 @@ class Replay:
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
         told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))
         every = np.arange(rows.start, rows.stop)
-        spread = 2.0 * own[0] * np.sqrt(self._shared(rows)) * left
-        self._tell("impact speeds", every, told, 10.0 * noise + spread)
+        of_all = 2.0 * own[0] * np.sqrt(self._shared(rows)) * left
+        self._tell("impact speeds", every, told, 10.0 * noise + of_all)
         o, index = run.options, self.law[rows]
         newtons, printed = (run.impact_law.restitution == law for law in ("newton", "printed"))
         acts = (r.problem > 0) & (newtons | (printed & ~run.ends(r.problem)))
