@@ -75,6 +75,7 @@ def run(case: Case, place: Path, options: argparse.Namespace) -> None:
             for law in scene.contacts:
                 law.friction *= options.friction
                 law.restitution *= options.restitution
+                law.rolling_radius = options.rolling_radius
             timed(place, lambda: carom.simulate(scene, out=place, until=SETTLING, progress=bar))
             bar.stop()
             bar = Bar()
@@ -112,6 +113,7 @@ def arguments() -> argparse.Namespace:
     )
     for name in ("friction", "restitution"):
         add(f"--{name}", type=float, default=1.0, metavar="SHARE", help=f"{name} over that of each pair (1)")
+    add("--rolling-radius", type=float, default=0.0, metavar="M", help="rolling radius of all pairs (0)")
     add("--threads", type=int, default=1, help="threads (1)")
     add("--json", action="store_true", help="print all numbers as JSON")
     add(
