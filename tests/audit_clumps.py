@@ -87,7 +87,7 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
 
 def _flow(made: carom.Scene, seed: int) -> None:
     """In two scenes of five what comes near the floor leaves, or what gets out of the middle, or to one side; in one of five
-    balls enter.
+    balls enter, and in three of ten clumps.
     """
     rng = np.random.default_rng([seed, 72])
     far, near = 9.0, float(rng.uniform(0.4, 1.5)) * R
@@ -103,6 +103,11 @@ def _flow(made: carom.Scene, seed: int) -> None:
         region = {"low": (0.2 * ROOM, 0.2 * ROOM, 2.0 * ROOM), "high": (0.6 * ROOM, 0.8 * ROOM, 3.0 * ROOM)}
         made.inflow("in", count=4, region=region, material="grain", seed=int(seed), radius=0.6 * R, density=2500, rate=40.0,
                     velocity=(0, 0, -0.3), spread=0.1)  # fmt: skip
+    if rng.random() < 0.3:
+        high = 3.5 * ROOM
+        region = {"low": (0.5 * ROOM, 0.5 * ROOM, high), "high": (0.5 * ROOM, 0.5 * ROOM, 2.0 * high)}
+        made.inflow("late", count=3, region=region, material="grain", seed=int(seed), spheres=_spheres(rng), density=2500,
+                    rate=40.0, velocity=(0, 0, -0.5), spread=0.1)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 
 PRINTED = 'step = 1e-3 -> step = 1e-3\nposition_friction = "paper"\n'
 CLUMP = '[[clump]]\nname = "rod"\nmaterial = "ball"\nposition = [3,3,3]\nmass = 1.0\n'
 RIGID = CLUMP + "spheres = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]]\n"
+RODS = INFLOW.replace("radius = 0.01", "spheres = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]]")
 CORNERS = "[[9.0, 9.0, 9.0], [9.1, 9.0, 9.0], [9.0, 9.1, 9.0]]"
 BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
@@ -152,9 +153,15 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "no size is given": [("inflow", INFLOW.replace("radius = 0.01\n", "") + FAR)],
     "is incomplete: ... missing": [("region", INFLOW + "region = { low = [3,3,3] }\n")],
     "is below low along ...": [("region", INFLOW + "region = { low = [3,3,3], high = [2,4,4] }\n")],
-    "balls would enter ... m deep in ...": [
-        ("region", INFLOW + "region = { low = [3,3,-1], high = [4,4,4] }\n")
+    "... would enter ... m deep in ...": [
+        ("region", INFLOW + "region = { low = [3,3,-1], high = [4,4,4] }\n"),
+        ("region", RODS + "region = { low = [3,3,0.015], high = [4,4,4] }\n"),
     ],
+    "both spheres and ... are given": [
+        ("inflow", RODS + FAR + "diameter = 0.02\n"),
+        ("inflow", RODS + FAR + 'sizes = "uniform"\nsmallest = 0.01\nlargest = 0.02\n'),
+    ],
+    "orientation is given without spheres": [("inflow", INFLOW + FAR + "orientation = [1, 0, 0, 0]\n")],
     "balls would leave where they enter: the region lies where an outlet removes them": [
         (
             "region",

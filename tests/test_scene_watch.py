@@ -159,6 +159,8 @@ def test_wrong_arguments_are_told() -> None:
         CaromError, match=r"stop is the class AtRest; write stop=AtRest\(\), with parentheses"
     ):
         carom.simulate(falling(), stop=AtRest)
+    with pytest.raises(CaromError, match="simulate: progress must be a function of a progress, as lambda"):
+        carom.simulate(falling(), progress=True)  # type: ignore[arg-type]
     with pytest.raises(CaromError, match="callback_every must be"):
         carom.simulate(falling(), callback=print, callback_every=0)
     with pytest.raises(CaromError, match="without callback"):

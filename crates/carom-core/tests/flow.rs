@@ -32,6 +32,7 @@ fn inflow(first: u32, count: u32) -> Inflow {
         start: 0.0,
         velocity: DVec3::new(0.0, 0.0, -2.0),
         spread: 0.1,
+        turned: false,
         seed: 7,
     }
 }
@@ -347,6 +348,7 @@ fn refusal(change: impl FnOnce(&mut ModelInput)) -> String {
 fn unusable_flows_are_refused() {
     assert!(refusal(|i| i.inflow[0].count = 6).contains("there are 6 spheres"));
     assert!(refusal(|i| i.inflow.push(inflow(3, 1))).contains("another inflow"));
+    assert!(refusal(|i| i.inflow[0].turned = true).contains("balls are round"));
     assert!(refusal(|i| i.inflow[0].rate = -1.0).contains("rate"));
     assert!(refusal(|i| i.inflow[0].spread = f64::NAN).contains("spread"));
     assert!(refusal(|i| i.outlet[0].high.x = -10.0).contains("corner"));
@@ -472,4 +474,73 @@ fn balls_enter_around_a_clump_and_none_of_its_own() {
     input.inflow[0].first = 1;
     let told = compile(&input, options(Method::Nsga)).unwrap_err();
     assert!(told.to_string().contains("balls of a clump"), "{told}");
+}
+
+#[test]
+fn clumps_enter_turned_at_random_where_all_their_balls_have_room() {
+    // Rods in a box hardly wider than one is long: some turns do not fit.
+    let walls = [
+        ([-0.13, 0.0, 0.0], [1.0, 0.0, 0.0]),
+        ([0.13, 0.0, 0.0], [-1.0, 0.0, 0.0]),
+    ];
+    let count = 25;
+    let mut at = vec![[0.5, 0.0, 9.0]];
+    at.extend([[0.0, -R, 0.5], [0.0, R, 0.5]].repeat(count));
+    let mut input = balls(&at, &walls);
+    input.laws = vec![
+        (0, 0, [0.4, 0.3, 0.0, 0.0, 0.0]),
+        (0, 1, [0.4, 0.3, 0.0, 0.0, 0.0]),
+    ];
+    let rod = falling_rod().clumps[0].clone();
+    let rods = (0..count).map(|k| ClumpInput {
+        balls: 1 + 2 * k..3 + 2 * k,
+        position: [0.0, 0.0, 0.5],
+        angular_velocity: [0.0; 3],
+        ..rod.clone()
+    });
+    input.clumps = rods.collect();
+    let first = at.len() as u32;
+    let low = DVec3::new(-0.13 + R, -0.3, 0.4);
+    input.inflow = vec![Inflow {
+        region: Region::Box {
+            low,
+            high: -low.with_z(-0.6),
+        },
+        turned: true,
+        start: 1e-3,
+        ..inflow(first, count as u32)
+    }];
+    let mut s = simulation(&input, options(Method::Nsga));
+    assert_eq!(s.state.present.iter().filter(|p| **p).count(), 1);
+    assert!(advance(&mut s, 1).is_none());
+    assert_eq!(s.monitors.entered, 2 * u64::from(s.state.entered[0]));
+    assert!(s.state.entered[0] > 10);
+    let (mut directions, mut energy) = (DVec3::ZERO, 0.0);
+    for k in (0..count).filter(|k| s.state.present[first as usize + k]) {
+        let i = first as usize + k;
+        let [a, b] = [1 + 2 * k, 2 + 2 * k];
+        assert!(s.state.present[a] && s.state.present[b]);
+        let (x, y) = (s.state.position[a], s.state.position[b]);
+        let along = (y - x) / (2.0 * R);
+        assert!((along.length() - 1.0).abs() < 1e-12);
+        assert!((0.5 * (x + y) - s.state.position[i]).length() < 1e-12);
+        // The rod lies along its second axis, and its balls have turned with it.
+        assert!((s.state.orientation[i] * DVec3::Y - along).length() < 1e-12);
+        assert!((s.state.orientation[a] * DVec3::Y - along).length() < 1e-12);
+        assert!(x.x.abs().max(y.x.abs()) <= 0.13 - R + 1e-12);
+        let v = s.state.velocity[i];
+        assert_eq!([s.state.velocity[a], s.state.velocity[b]], [v; 2]);
+        energy += 0.5 * 2.0 * MASS * v.length_squared();
+        directions += along * along;
+        for j in (0..2 * count)
+            .map(|j| 1 + j)
+            .filter(|&j| j != a && j != b && s.state.present[j])
+        {
+            let gap = |x: DVec3| (x - s.state.position[j]).length() - 2.0 * R;
+            assert!(gap(x).min(gap(y)) >= 0.0);
+        }
+    }
+    assert!((s.monitors.energy_in - energy).abs() < 1e-12 * energy);
+    let share = directions / f64::from(s.state.entered[0]);
+    assert!(share.min_element() > 0.1, "{share}");
 }

@@ -2,6 +2,7 @@
 
 use crate::arrays::{self, item, put, Table};
 use crate::coupling::{law, list, refuse, vector};
+use crate::walls::wish;
 use carom_core::deformation::law::Deformation;
 use carom_core::flow::{Event, Inflow, Outlet, Region};
 use carom_core::{Model, State};
@@ -35,7 +36,7 @@ pub fn deformation(dict: &Bound<'_, PyDict>) -> PyResult<Option<Deformation>> {
     }))
 }
 
-/// `{"bodies": (first, count), "region": ..., "rate", "start", "velocity", "spread", "seed"}`.
+/// `{"bodies": (first, count), "region": ..., "rate", "start", "velocity", "spread", "seed"}`, of clumps with `"turned"`.
 pub fn inflows(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Inflow>> {
     list(dict, "inflow")?
         .iter()
@@ -52,6 +53,7 @@ pub fn inflows(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Inflow>> {
                 start: number("start")?,
                 velocity: vector(&item(given, "velocity")?)?,
                 spread: number("spread")?,
+                turned: wish(given, "turned")?,
                 seed: item(given, "seed")?.extract()?,
             })
         })

@@ -22,6 +22,8 @@ from carom.audit.report import Tally
 from carom.audit.rigid import Clump
 from carom.audit.vectors import EPS, conjugate, cross, norm, product, rotation_vector
 
+TURNED = 4.0
+"""Roundings in a step of an angular momentum that becomes an angular velocity and back: four rotations by quaternions."""
 KINDS = ("momentum", "spin", "position", "rotation")
 
 
@@ -143,11 +145,13 @@ class _Clump:
     def _spin(self) -> tuple[F64, F64]:
         block, s, clump = self.block, self.sums, self.clump
         angle = self._corrected()
-        value = np.minimum(*(self._off(self._moment(s.impulse, own), angle) for own in s.moments))
+        value = np.minimum(*(self._off(self._moment(s.impulse, moment), angle) for moment in s.moments))
         pushed = s.size[:, clump.balls] @ self.offset
-        size = 2.0 * clump.inertia.max() * self.spin + pushed + self._of_balls(s.moment_size)
+        own = 2.0 * clump.inertia.max() * self.spin
+        size = own + pushed + self._of_balls(s.moment_size)
         size = size + np.where(self.touched, clump.reach * largest(block)[:, 0], 0.0)
         bound = self.rounding * size + self._of_balls(s.turned)
+        bound = bound + TURNED * EPS * block.updates * own
         # Impulses of several steps may cancel in their sum: the normal ones do not.
         index = block.run.law_index(block.rows.a, block.rows.b)
         mu = np.nan_to_num(block.run.friction(index, np.zeros(len(index)))).max(initial=0.0)

@@ -17,12 +17,12 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array, connected
-from carom.audit import carried, flights
+from carom.audit import carried, flights, rigid
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.near import MARGIN, Near
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, dot
+from carom.audit.vectors import EPS
 
 
 def judge(run: Run, tally: Tally) -> None:
@@ -206,7 +206,7 @@ def _penetration(block: Block, near: Near, tally: Tally) -> None:
 
 
 def _entered(block: Block, tally: Tally) -> None:
-    """Energy of the balls that entered after the last step before a frame: they are as they entered."""
+    """Energy of what entered after the last step before a frame: they are as they entered."""
     run, events = block.run, block.run.result.events
     if not len(events):
         return
@@ -214,9 +214,8 @@ def _entered(block: Block, tally: Tally) -> None:
     k = np.minimum(np.searchsorted(block.s1, step), block.count - 1)
     chosen = (kind == 1) & (step == block.s1[k]) & (step > 0)
     k, body = k[chosen], body[chosen]
-    x, v, w = (a[k, body] for a in (block.x1, block.v1, block.w1))
-    motion = 0.5 * (run.mass[body] * dot(v, v) + run.inertia[body] * dot(w, w))
-    height = run.mass[body] * (x @ run.gravity)
+    motion = rigid.kinetic(run, block.v1, block.w1, block.c1)[k, body]
+    height = rigid.weight(run, block.x1, block.c1)[k, body]
     found, size = np.zeros(block.count), np.zeros(block.count)
     np.add.at(found, k, motion - height)
     np.add.at(size, k, motion + np.abs(height))

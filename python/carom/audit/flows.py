@@ -1,21 +1,21 @@
 """Balls that enter and leave: by the tables `[[inflow]]` and `[[outlet]]`, and by the events that tell of them.
 
     outlet      no ball of a frame is where it would have left, and a ball that left had come to such a place
-    inflow      the k-th ball enters no sooner than `start + k/rate`, in the region, with its velocity within the spread
+    inflow      the k-th body enters no sooner than `start + k/rate`, in the region, with its velocity within the spread
     frames      have the balls that events and the scenario say
 
-Balls with joints or loads stay. Places and velocities of a ball that entered are those of the frame of its step. Balls
-of a clump leave together, and their place is its centre of mass.
+Balls with joints or loads stay. Places and velocities of a body that entered are those of the frame of its step. Balls
+of a clump enter and leave together, and their place is its centre of mass.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from carom.arrays import F64, I64
+from carom.arrays import F64, I64, Bool
 from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.data import Run
@@ -28,10 +28,7 @@ def judge(run: Run, tally: Tally) -> None:
     events, inflows = run.result.events, run.model.get("inflow") or ()
     if not (inflows or run.model.get("outlet") or len(events)):
         return
-    here = np.ones(run.balls, dtype=bool)
-    for flow in inflows:
-        first, count = flow["bodies"]
-        here[first : first + count] = False
+    here = ~coming(run)
     step, body, kind = (
         np.asarray(events[name]).astype(np.int64) if len(events) else np.zeros(0, np.int64)
         for name in ("step", "body", "kind")
@@ -43,19 +40,49 @@ def judge(run: Run, tally: Tally) -> None:
             done += 1
         wrong = np.flatnonzero(np.asarray(run.result.present[frame]) != here)
         tally.measure("flow", [float(len(wrong))], 0.0, lambda i: run.frame_place(frame, *wrong[:1]))  # noqa: B023
-    left = np.full(run.balls, -1)
-    left[body[kind == 0]] = step[kind == 0]
-    alone = [float(np.ptp(left[clump.balls])) for clump in run.clumps]
     of_clumps = np.array([clump.first for clump in run.clumps], dtype=np.int64)
-    tally.measure("flow", alone, 0.0, _of_steps(run, left[of_clumps], of_clumps))
+    for which in (0, 1):
+        at = np.full(run.balls, -1)
+        at[body[kind == which]] = step[kind == which]
+        alone = [float(np.ptp(at[clump.balls])) for clump in run.clumps]
+        tally.measure("flow", alone, 0.0, _of_steps(run, at[of_clumps], of_clumps))
     for flow in inflows:
-        first, count = flow["bodies"]
-        mine = np.flatnonzero((kind == 1) & (body >= first) & (body < first + count))
-        number = body[mine] - first
+        balls, each = _balls(run, flow)
+        mine = np.flatnonzero((kind == 1) & np.isin(body, balls[::each]))
+        number = (body[mine] - balls[0]) // each
         due = flow["start"] + (number / flow["rate"] if flow["rate"] > 0.0 else 0.0)
         place = _of_steps(run, step[mine], body[mine])
         tally.measure("flow", np.maximum(0.0, due / run.h - step[mine]), 1e-5, place)
         tally.measure("flow", np.abs(number - np.arange(len(mine))), 0.0, place)
+
+
+def coming(run: Run) -> Bool:
+    """(N,) which balls are those of inflows."""
+    found = np.zeros(run.balls, dtype=bool)
+    for flow in run.model.get("inflow") or ():
+        found[_balls(run, flow)[0]] = True
+    return found
+
+
+def entered(block: Block) -> Bool:
+    """(B, N) which balls entered in each interval."""
+    run, events = block.run, block.run.result.events
+    found = np.zeros((block.count, run.bodies), dtype=bool)
+    if len(events):
+        step, body, kind = (np.asarray(events[name]).astype(np.int64) for name in ("step", "body", "kind"))
+        k = np.minimum(np.searchsorted(block.s1, step), block.count - 1)
+        chosen = (kind == 1) & (step > block.s0[k]) & (step <= block.s1[k])
+        found[k[chosen], body[chosen]] = True
+    return found
+
+
+def _balls(run: Run, flow: Mapping[str, Any]) -> tuple[I64, int]:
+    """(n,) the balls of an inflow, and how many each of its bodies has."""
+    first, count = flow["bodies"]
+    if first < run.balls:
+        return np.arange(first, first + count), 1
+    clumps = run.clumps[first - run.balls : first - run.balls + count]
+    return np.concatenate([clump.balls for clump in clumps]), len(clumps[0].balls)
 
 
 def _of_steps(run: Run, step: I64, body: I64) -> Callable[[int], Place]:
@@ -82,7 +109,10 @@ def of_frames(block: Block, tally: Tally) -> None:
     now = (step > block.s0[k]) & (step <= block.s1[k])
     entered = now & (kind == 1) & (step == block.s1[k])
     here[k[entered], body[entered]] = False  # who leaves is asked before others enter
-    start, end = (_places(run, *of) for of in ((block.x0, block.c0), (block.x1, block.c1)))
+    start, end = (
+        _of_bodies(run, *of) for of in ((block.x0, block.c0[..., :3]), (block.x1, block.c1[..., :3]))
+    )
+    velocity = _of_bodies(run, block.v1, block.c1[..., 7:10])
     for outlet in outlets:
         inside = _depth(run, outlet, end)
         tally.measure("flow", np.where(here, inside, 0.0) / run.radius, 0.0, block.per_body)
@@ -94,21 +124,20 @@ def of_frames(block: Block, tally: Tally) -> None:
         tally.measure("flow", short, 2.0 * way, _of_steps(run, step[gone], body[gone]))
     come = np.flatnonzero(entered)
     for flow in inflows:
-        first, count = flow["bodies"]
-        mine = come[(body[come] >= first) & (body[come] < first + count)]
+        mine = come[np.isin(body[come], _balls(run, flow)[0])]
         at, given = (k[mine], body[mine]), np.asarray(flow["velocity"])
         place = _of_steps(run, step[mine], body[mine])
-        off = np.abs(block.v1[at] - given).max(axis=1, initial=0.0) - flow["spread"]
+        off = np.abs(velocity[at] - given).max(axis=1, initial=0.0) - flow["spread"]
         tally.measure("flow", np.maximum(off, 0.0), 1e-12 * float(norm(given) + flow["spread"]), place)
-        size = np.abs(block.x1[at]).max(axis=1, initial=0.0) + run.radius[body[mine]]
-        tally.measure("flow", _outside(flow["region"], block.x1[at]), 64.0 * EPS * size, place)
+        size = np.abs(end[at]).max(axis=1, initial=0.0) + run.radius[body[mine]]
+        tally.measure("flow", _outside(flow["region"], end[at]), 64.0 * EPS * size, place)
 
 
-def _places(run: Run, x: F64, rows: F64) -> F64:
-    """(B, N, 3) the places by which bodies leave, m, from those of bodies and the motion of clumps (B, C, 13)."""
+def _of_bodies(run: Run, of_balls: F64, of_clumps: F64) -> F64:
+    """(B, N, 3) what balls have, those of clumps what their clump (B, C, 3) has: places by which they enter and leave."""
     if run.clumps:
-        x = np.where(run.in_clump[:, None], rows[:, run.clump_of, :3], x)
-    return x
+        of_balls = np.where(run.in_clump[:, None], of_clumps[:, run.clump_of], of_balls)
+    return of_balls
 
 
 def _depth(run: Run, outlet: tuple[Any, ...], x: F64) -> F64:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64, I64
+from carom.audit import flows
 from carom.audit.block import Block
 from carom.audit.data import Run
 from carom.audit.references import at
@@ -45,21 +46,21 @@ def frames(block: Block, tally: Tally) -> None:
 
 
 def _absent(block: Block, tally: Tally) -> None:
-    """What is absent has no place and no velocity, and keeps its orientation to rounding."""
+    """What is absent has no place and no velocity, and keeps its orientation to rounding, if it has not come meanwhile."""
     run, rows = block.run, slice(block.first - 1, block.first + block.count)
     x, v, w, q = run.state(rows)
     gone = ~run.present(rows)
-    tables = [(x, v, w, q, gone, block.per_body)]
+    still = gone[1:] & gone[:-1] & ~flows.entered(block)
+    tables = [(x, v, w, q, gone, still, block.per_body)]
     if run.clumps:
-        c = run.motion_of_clumps(rows)
-        tables.append(
-            (c[..., :3], c[..., 7:10], c[..., 10:], c[..., 3:7], gone[:, run.rigid.first], block.per_clump)
-        )
-    for place, fast, spin, turn, away, where in tables:
+        c, first = run.motion_of_clumps(rows), run.rigid.first
+        of_clumps = (c[..., :3], c[..., 7:10], c[..., 10:], c[..., 3:7])
+        tables.append((*of_clumps, gone[:, first], still[:, first], block.per_clump))
+    for place, fast, spin, turn, away, stays, where in tables:
         told = np.isfinite(place) | (fast != 0.0) | (spin != 0.0)
         tally.measure("numbers", told[1:].sum(axis=-1), 0.0, where, away[1:])
         turned = norm(turn[1:] - turn[:-1]) > 8.0 * EPS * block.n[:, None]  # which each step normalises
-        tally.measure("numbers", turned, 0.0, where, away[1:] & away[:-1])
+        tally.measure("numbers", turned, 0.0, where, stays)
 
 
 def _numbers(run: Run, tally: Tally) -> None:
@@ -123,9 +124,8 @@ def _scenario(run: Run, tally: Tally) -> None:
     _compare(tally, run.material, run.result.bodies["material"], "/bodies/material")
     if not run.frames or int(run.step[0]) != 0:
         return
-    here = present = np.asarray(run.result.present[0])
-    if not present.all() or len(run.result.events):
-        present = present & False  # what enters at the start has places drawn, and the rest is absent
+    # What enters at the start has places drawn.
+    present = np.asarray(run.result.present[0]) & ~flows.coming(run)
     for name in QUANTITIES:
         wanted, found = np.asarray(run.model[name]), np.asarray(getattr(run.result, name)[0])
         size = norm(wanted) + run.radius[: run.balls] * (1.0 if name == "position" else 0.0)
@@ -151,7 +151,7 @@ def _scenario(run: Run, tally: Tally) -> None:
         ):
             off = norm(run.motion_of_clumps(slice(0, 1))[0, :, part] - given[:, part])
             off = off / (norm(given[:, part]) + least + 1e-300)
-            place, there = (lambda i: run.frame_place(0, run.clumps[i].first)), here[run.rigid.first]
+            place, there = (lambda i: run.frame_place(0, run.clumps[i].first)), present[run.rigid.first]
             tally.measure("scenario", off, 8.0 * EPS, place, there)
     if run.free_walls:
         along = np.asarray(run.result._segments.column("frames", "free_walls")[0])

@@ -86,7 +86,7 @@ def _events(result: Result) -> str:
 def _flow(summary: Mapping[str, Any], result: Result) -> str:
     if not result.flows:
         return ""
-    coming = sum(inflow.count for inflow in result.scene.inflows)
+    coming = sum(inflow.size() for inflow in result.scene.inflows)
     entered = f"{summary['entered']} of {counted(coming, 'ball')} entered, " if coming else ""
     return f"flow        {entered}{counted(summary['removed'], 'ball')} left"
 

@@ -121,7 +121,7 @@ def _shut_out(result: RunData) -> dict[str, Any] | None:
     events = result.events
     entered = {ball for ball, kind in zip(events["ball"], events["kind"], strict=True) if kind}
     none = "; ".join(
-        f"none of {counted(flow.count, 'ball')} of inflow {quoted(flow.name)} entered"
+        f"none of {counted(flow.size(), 'ball')} of inflow {quoted(flow.name)} entered"
         for flow in result.scene.inflows
         if flow.start <= result.summary["time"] and entered.isdisjoint(flow.ball_names())
     )

@@ -28,7 +28,7 @@ from carom.run.allocator import release_early
 from carom.run.loop import Ending, Sink, begin, drive
 from carom.run.result import Result, load
 from carom.run.sinks import Cadence, Checkpoints, Interrupt, Progress, Recorder, Shown
-from carom.run.watch import Callback, Stop, Watch
+from carom.run.watch import Callback, Stop, Watch, check_function
 from carom.scene.arguments import renamed
 from carom.scene.assembly.arrays import identify
 from carom.scene.plan import Plan
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from carom.scene.tables.keywords import Options
 
 OnProgress = Callable[[Progress], None]
+PRINTS = "progress: print(progress.time)"
 LoadFunctions = Callable[..., Any] | Sequence[Callable[..., Any]]
 """One Python function that gives loads, or several."""
 
@@ -97,6 +98,7 @@ def simulate(
         warnings.warn(str(advice), CaromWarning, stacklevel=3)
     choice = chosen(scene, save_problems, problem_form)
     watch = Watch.of(callback, stop, callback_every)
+    check_function("simulate", "progress", progress, PRINTS)
     create: Callable[[], RunDir] | None = None if choice is None else temporary
     if out is not None:
         create = partial(RunDir.create, out, force=force)
@@ -172,6 +174,7 @@ def resume(
     `callback_every` are those of `carom.simulate`.
     """
     watch = Watch.of(callback, stop, callback_every)
+    check_function("resume", "progress", progress, PRINTS)
     halt = Interrupt()
     if until is not None:
         options["until"] = until

@@ -169,22 +169,26 @@ Stop = Callable[[View], object]
 """Ends the run where it returns True or a text, the reason that `outcome.message` gives; False, None and "" let it go on."""
 
 
+def check_function(caller: str, name: str, given: object, example: str) -> None:
+    """Raise unless what is given as the argument `name` is a function, or None; `example` is one without `lambda`."""
+    if isinstance(given, type):
+        kind = given.__name__
+        raise CaromError(f"{caller}: {name} is the class {kind}; write {name}={kind}(), with parentheses")
+    if given is not None and not callable(given):
+        what = example.partition(":")[0]
+        raise CaromError(
+            f"{caller}: {name} must be a function of a {what}, as lambda {example}, found {given!r}"
+        )
+
+
 class Watch(Sink):
     """A callback and a stop condition, and after which steps they are asked: all multiples of `every`."""
 
     def __init__(
         self, callback: Callback | None, stop: Stop | None, every: int | None, caller: str = "simulate"
     ) -> None:
-        for name, function in (("callback", callback), ("stop", stop)):
-            if isinstance(function, type):
-                kind = function.__name__
-                raise CaromError(
-                    f"{caller}: {name} is the class {kind}; write {name}={kind}(), with parentheses"
-                )
-            if function is not None and not callable(function):
-                raise CaromError(
-                    f"{caller}: {name} must be a function of a view, as lambda view: view.time > 1, found {function!r}"
-                )
+        check_function(caller, "callback", callback, "view: view.time > 1")
+        check_function(caller, "stop", stop, "view: view.time > 1")
         if every is not None and (isinstance(every, bool) or not isinstance(every, int) or every < 1):
             raise CaromError(f"{caller}: callback_every must be a number of steps from 1 on, found {every!r}")
         self._callback, self._stop, self.every = callback, stop, every

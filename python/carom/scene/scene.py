@@ -262,8 +262,8 @@ class Scene(Waller, Attacher, Taker, Deformer):
 
     @property
     def clumps(self) -> tuple[Clump, ...]:
-        """The rigid bodies made of spheres, tables `[[clump]]`."""
-        return tuple(self._tree.clump)
+        """The rigid bodies made of spheres: tables `[[clump]]`, then those of inflows."""
+        return tuple(self._tree.clumps())
 
     @property
     def inflows(self) -> tuple[Inflow, ...]:
@@ -346,7 +346,7 @@ class Scene(Waller, Attacher, Taker, Deformer):
             counted(n, what)
             for n, what, always in (
                 (len(self.names), "sphere", True),
-                (len(tree.clump), "clump", False),
+                (len(tree.clumps()), "clump", False),
                 (len(self.plane_names), "plane", True),
                 (len(self.wall_names) - len(self.plane_names), "other wall", False),
                 (len(tree.contact), "contact law", True),

@@ -14,26 +14,34 @@ fn held_bodies(input: &ModelInput) -> impl Iterator<Item = u32> + '_ {
 
 /// Checks those of a description.
 pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
-    let n = input.radius.len();
-    let mut taken = vec![false; if input.inflow.is_empty() { 0 } else { n }];
+    let (n, clumps) = (input.radius.len(), input.clumps.len());
+    let mut taken = vec![
+        false;
+        if input.inflow.is_empty() {
+            0
+        } else {
+            n + clumps
+        }
+    ];
     for (index, flow) in input.inflow.iter().enumerate() {
         let refuse = |quantity, text: String| Err(entry("inflow", index, quantity, text));
-        let (first, end) = (
-            flow.first as usize,
-            flow.first as usize + flow.count as usize,
-        );
-        if end > n {
-            let text = format!("are {first}..{end}; there are {n} spheres");
+        let of = flow.bodies();
+        if of.end > n + clumps || (of.start < n && of.end > n) {
+            let text =
+                format!("are {of:?}; there are {n} spheres, and {clumps} clumps behind them");
             return refuse("bodies", text);
         }
-        if taken[first..end].iter().any(|&t| t) {
+        if taken[of.clone()].iter().any(|&t| t) {
             return refuse("bodies", "are those of another inflow too".to_owned());
         }
         let mut of_clumps = input.clumps.iter().map(|c| &c.balls);
-        if of_clumps.any(|balls| balls.start < end && first < balls.end) {
+        if of_clumps.any(|balls| balls.start < of.end && of.start < balls.end) {
             return refuse("bodies", "are balls of a clump too".to_owned());
         }
-        taken[first..end].fill(true);
+        if flow.turned && of.start < n {
+            return refuse("turned", "is for clumps; balls are round".to_owned());
+        }
+        taken[of].fill(true);
         let fits = match flow.region {
             Region::Box { low, high } => low.cmple(high).all(),
             Region::Disc { normal, radius, .. } => normal.is_normalized() && radius >= 0.0,
@@ -45,7 +53,7 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
             );
             return refuse("region", text);
         }
-        // Balls enter where balls may be from the start.
+        // Bodies enter where bodies may be from the start.
         for corner in flow.region.bounds() {
             wall::place("region", corner)
                 .map_err(|(quantity, text)| entry("inflow", index, quantity, text))?;

@@ -3,6 +3,7 @@
 use crate::clump::body::Clump;
 use crate::contact::ContactKey;
 use crate::deformation::join_flow;
+use crate::flow::Inflow;
 use crate::force::total::own_acceleration;
 use crate::level::smooth_newton::initial_accelerations;
 use crate::model::{InitialState, Model};
@@ -13,6 +14,16 @@ use glam::{DQuat, DVec3};
 
 /// Share (1) of a way or velocity of a free wall that may be across its normal, and its spin, rad/s: rounding. Larger: energies of what does not turn.
 const ACROSS: f64 = 1e-9;
+
+/// Which bodies are there before anything has entered.
+fn present_at_start(model: &Model) -> Vec<bool> {
+    let mut present = vec![true; model.bodies()];
+    for i in model.flow.inflows.iter().flat_map(Inflow::bodies) {
+        present[i] = false;
+        model.balls_of(i).for_each(|ball| present[ball] = false);
+    }
+    present
+}
 
 impl State {
     /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
@@ -29,7 +40,7 @@ impl State {
             pseudo: start.clone(),
             acceleration: start,
             reaction: Vec::new(),
-            present: model.flow.present_at_start(model.bodies()),
+            present: present_at_start(model),
             entered: vec![0; model.flow.inflows.len()],
             warm: Vec::new(),
             warm_step: model.options.step,

@@ -1,4 +1,4 @@
-//! Lets balls enter and leave between two steps.
+//! Lets balls and clumps enter and leave between two steps.
 
 use crate::energy;
 use crate::flow::room::Room;
@@ -6,9 +6,9 @@ use crate::flow::{Event, Exchange, Inflow, Outlet};
 use crate::model::Model;
 use crate::state::State;
 use crate::wall::places::{displacement, Walls};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
-/// Places (1) tried for a ball in a step before it waits for the next: bounds the time a full region costs in each step. With
+/// Places (1) tried for a body in a step before it waits for the next: bounds the time a full region costs in each step. With
 /// few, balls enter later than the rate says where there is little room.
 const TRIES: u64 = 20;
 
@@ -16,7 +16,7 @@ const TRIES: u64 = 20;
 /// late; with 1 all enter a step early.
 const ON_TIME: f64 = 1e-6;
 
-/// Lets balls leave and enter after a step, with walls where they are at its end: `at` is its number and that time, s.
+/// Lets bodies leave and enter after a step, with walls where they are at its end: `at` is its number and that time, s.
 pub(crate) fn exchange(
     model: &Model,
     state: &mut State,
@@ -86,23 +86,59 @@ fn admit(
             let body = flow.first + number;
             let room = room.get_or_insert_with(|| Room::new(model, state, flow));
             let mut draw = Draw::new([flow.seed, u64::from(body), step]);
-            let Some(x) = place(model, state, walls, room, flow, body, &mut draw) else {
+            let Some(place) = place(model, state, walls, room, flow, body, &mut draw) else {
                 break;
             };
             let i = body as usize;
             let change = DVec3::new(draw.next(), draw.next(), draw.next());
             let velocity = flow.velocity + flow.spread * (2.0 * change - DVec3::ONE);
-            state.set_present(i, x, velocity, model.gravity);
+            for (ball, x) in balls_at(model, state, i, &place).collect::<Vec<_>>() {
+                put(state, ball, x, place.turn, velocity, model.gravity);
+                room.add(x, model.radius[ball]);
+                exchange.entered += 1;
+                exchange
+                    .events
+                    .push(Event::new((step, time), ball as u32, true));
+            }
+            if model.as_clump(body).is_some() {
+                put(state, i, place.centre, place.turn, velocity, model.gravity);
+            }
             state.entered[index] += 1;
-            room.add(x, model.radius[i]);
             energy::add(&mut exchange.energy_in, energy::of_body(model, state, i));
-            exchange.entered += 1;
-            exchange.events.push(Event::new((step, time), body, true));
         }
     }
 }
 
-/// A place in the region at which the ball overlaps nothing, if one of the tries finds it.
+/// Where a body enters: its centre, m, and its turn from how it waits, if it is turned.
+struct Place {
+    centre: DVec3,
+    turn: Option<DQuat>,
+}
+
+/// The balls of body `i` at a place, and their centres there, m.
+fn balls_at<'a>(
+    model: &'a Model,
+    state: &State,
+    i: usize,
+    place: &Place,
+) -> impl Iterator<Item = (usize, DVec3)> + 'a {
+    let clump = model.as_clump(i as u32).map(|k| &model.clumps[k]);
+    let (x, q) = (place.centre, state.orientation[i]);
+    let q = place.turn.map_or(q, |turn| turn * q);
+    let centre = move |k: usize| clump.map_or(x, |clump| x + q * clump.offsets[k]);
+    let balls = model.balls_of(i).enumerate();
+    balls.map(move |(k, ball)| (ball, centre(k)))
+}
+
+/// Puts a ball or a clump to `x`, turned from how it waited, with velocity `v`.
+fn put(state: &mut State, i: usize, x: DVec3, turn: Option<DQuat>, v: DVec3, gravity: DVec3) {
+    state.set_present(i, x, v, gravity);
+    if let Some(turn) = turn {
+        state.orientation[i] = (turn * state.orientation[i]).normalize();
+    }
+}
+
+/// A place in the region at which no ball of the body overlaps anything, if one of the tries finds it.
 fn place(
     model: &Model,
     state: &State,
@@ -111,16 +147,20 @@ fn place(
     flow: &Inflow,
     body: u32,
     draw: &mut Draw,
-) -> Option<DVec3> {
-    let r = model.radius[body as usize];
-    (0..TRIES).find_map(|_| {
-        let x = flow.region.point([draw.next(), draw.next(), draw.next()]);
+) -> Option<Place> {
+    let is_free = |(ball, x): (usize, DVec3)| {
         let clear = |wall| {
             let from = displacement(&state.position, wall);
-            walls.meet(model, body, wall, x - from).gap >= 0.0
+            walls.meet(model, ball as u32, wall, x - from).gap >= 0.0
         };
-        let free = room.is_free(x, r) && walls.listed(model).all(clear);
-        free.then_some(x)
+        room.is_free(x, model.radius[ball]) && walls.listed(model).all(clear)
+    };
+    (0..TRIES).find_map(|_| {
+        let centre = flow.region.point([draw.next(), draw.next(), draw.next()]);
+        let turn = flow.turned.then(|| draw.turn());
+        let place = Place { centre, turn };
+        let free = balls_at(model, state, body as usize, &place).all(is_free);
+        free.then_some(place)
     })
 }
 
@@ -147,5 +187,13 @@ impl Draw {
     /// In [0, 1).
     fn next(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// A turn, evenly distributed over all orientations (K. Shoemake, in Graphics Gems III, 1992, p. 124).
+    fn turn(&mut self) -> DQuat {
+        let [share, first, second] = [self.next(), self.next(), self.next()];
+        let [a, b] = [first, second].map(|angle| (std::f64::consts::TAU * angle).sin_cos());
+        let (s, c) = ((1.0 - share).sqrt(), share.sqrt());
+        DQuat::from_xyzw(s * a.0, s * a.1, c * b.0, c * b.1)
     }
 }

@@ -1,9 +1,9 @@
 //! Balls that come and go: inflows and outlets, between two steps of the run's grid.
 //!
 //! All balls are bodies of the model from the start; those of an inflow are absent until they enter. What an absent ball is:
-//! `present` is false, it stands where it stood last at no velocity, has no pairs, no load and no energy. What leaves is a body:
-//! a ball, or a clump with its balls, by its centre of mass. Nothing here has a
-//! memory but [`crate::state::State`]: places are drawn from the seed, the ball, the step and the number of the try.
+//! `present` is false, it stands where it stood last at no velocity, has no pairs, no load and no energy. What enters or leaves
+//! is a body: a ball, or a clump with its balls, by its centre of mass. Nothing here has a
+//! memory but [`crate::state::State`]: places are drawn from the seed, the body, the step and the number of the try.
 
 pub mod exchange;
 mod room;
@@ -11,7 +11,7 @@ mod room;
 use carom_geom::tangent_frame;
 use glam::DVec3;
 
-/// Where the centres of balls that enter are.
+/// Where the centres of mass of what enters are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Region {
     /// Lowest and highest corner, m.
@@ -24,19 +24,21 @@ pub enum Region {
     },
 }
 
-/// Balls `first..first + count` enter one after the other, at most `rate` of them a second.
+/// Bodies `first..first + count`, balls or clumps, enter one after the other, at most `rate` of them a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inflow {
     pub first: u32,
     pub count: u32,
     pub region: Region,
-    /// Balls a second; 0: as fast as there is room.
+    /// Bodies a second; 0: as fast as there is room.
     pub rate: f64,
     /// When the first may enter, s.
     pub start: f64,
     /// With which they enter, each component changed at random by at most `spread`, m/s.
     pub velocity: DVec3,
     pub spread: f64,
+    /// Clumps are turned at random; else they enter as they wait.
+    pub turned: bool,
     pub seed: u64,
 }
 
@@ -47,6 +49,13 @@ pub struct Outlet {
     pub low: DVec3,
     pub high: DVec3,
     pub inside: bool,
+}
+
+impl Inflow {
+    pub fn bodies(&self) -> std::ops::Range<usize> {
+        let first = self.first as usize;
+        first..first + self.count as usize
+    }
 }
 
 /// All inflows and outlets of a model.
@@ -107,15 +116,6 @@ impl Flow {
     /// Neither inflows nor outlets: every ball is there all the time.
     pub fn is_none(&self) -> bool {
         self.inflows.is_empty() && self.outlets.is_empty()
-    }
-
-    /// Which balls are there before anything has entered.
-    pub(crate) fn present_at_start(&self, spheres: usize) -> Vec<bool> {
-        let mut present = vec![true; spheres];
-        for flow in &self.inflows {
-            present[flow.first as usize..][..flow.count as usize].fill(false);
-        }
-        present
     }
 }
 

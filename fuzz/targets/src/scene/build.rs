@@ -170,6 +170,7 @@ fn flow(draw: &mut Draw, input: &mut ModelInput) {
             start: draw.one_of(&[0.0, 1e-3]),
             velocity: draw.vector(1.0),
             spread: draw.one_of(&[0.0, 0.1]),
+            turned: false,
             seed: u64::from(draw.byte()),
         });
     }

@@ -136,8 +136,9 @@ def _surfaces(
 
 def _clumps(tree: Scenario, balls: Bodies) -> dict[str, Any]:
     """Clumps, if there are any."""
-    first = {s.index: s.start for s in balls.segments if s.section == "clump"}
-    return {"clumps": [clump.for_core(first[i]) for i, clump in enumerate(tree.clump)]} if tree.clump else {}
+    first = [k for s in balls.segments if s.each for k in range(s.start, s.stop, s.each)]
+    made = [clump.for_core(k) for clump, k in zip(tree.clumps(), first, strict=True)]
+    return {"clumps": made} if made else {}
 
 
 def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
@@ -154,9 +155,11 @@ def _world(tree: Scenario, balls: Bodies) -> dict[str, Any]:
         found["periodic_origin"] = np.array(tree.world.origin)
         if tree.world.deformation is not None and (deforms := tree.world.deformation.for_core()):
             found["deformation"] = deforms
-    first = {s.index: s.start for s in balls.segments if s.section == "inflow"}
     if tree.inflow:
-        found["inflow"] = [table.as_core(first[i]) for i, table in enumerate(tree.inflow)]
+        coming = [s for s in balls.segments if s.section == "inflow"]
+        clump = balls.clump
+        first = [len(clump) + int(clump[s.start]) if s.each else s.start for s in coming]
+        found["inflow"] = [table.as_core(k) for table, k in zip(tree.inflow, first, strict=True)]
     if tree.outlet:
         found["outlet"] = [table.as_core() for table in tree.outlet]
     return found

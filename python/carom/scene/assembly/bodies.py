@@ -31,6 +31,12 @@ class Segment:
     stop: int
     section: str
     index: int
+    each: int = 0
+    """Balls of each clump, one after the other; 0 of balls that are no parts of clumps."""
+
+    def clumps(self) -> int:
+        """Number of clumps."""
+        return (self.stop - self.start) // self.each if self.each else 0
 
 
 @dataclass(frozen=True)
@@ -59,11 +65,13 @@ class Bodies:
 
     @property
     def clump(self) -> I64:
-        """Place in the file of the clump that each ball is a part of, (N,); -1 of the others."""
-        found = np.full(len(self.names), -1)
+        """Number of the clump that each ball is a part of, (N,), as the core counts them; -1 of the others."""
+        found, first = np.full(len(self.names), -1), 0
         for segment in self.segments:
-            if segment.section == "clump":
-                found[segment.start : segment.stop] = segment.index
+            if segment.each:
+                numbers = np.arange(first, first + segment.clumps())
+                found[segment.start : segment.stop] = np.repeat(numbers, segment.each)
+            first += segment.clumps()
         return found
 
     @property
@@ -71,8 +79,9 @@ class Bodies:
         """Mass of the rigid body that each ball is or is a part of, (N,), kg."""
         found = self.mass.copy()
         for segment in self.segments:
-            if segment.section == "clump":
-                found[segment.start : segment.stop] = self.mass[segment.start : segment.stop].sum()
+            if segment.each:
+                shares = found[segment.start : segment.stop].reshape(-1, segment.each)
+                shares[:] = shares.sum(axis=1, keepdims=True)
         return found
 
     def origin(self, body: int) -> tuple[str, int]:
@@ -99,7 +108,7 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
             with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes are reported by the checks
                 centres = _centres(table)
             count = len(centres)
-            segments.append(Segment(len(names), len(names) + count, section, i))
+            segments.append(Segment(len(names), len(names) + count, section, i, _each(table)))
             names += table.ball_names()
             if isinstance(table, Clump | Inflow):
                 behind.append(table)
@@ -119,10 +128,11 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     orientation[:, 0] = 1.0
     spin[:n] = np.array([s.angular_velocity for _, s in spheres], dtype=float).reshape(n, 3)
     orientation[:n] = np.array([scaled(s.orientation) for _, s in spheres], dtype=float).reshape(n, 4)
-    clumps = dict(entries.get("clump", ()))
+    tables = {section: dict(entries.get(section, ())) for section in ("clump", "inflow")}
     for segment in segments:
-        if segment.section == "clump":
-            clump = clumps[segment.index]
+        if segment.each:
+            table = tables[segment.section][segment.index]
+            clump = table.shape() if isinstance(table, Inflow) else table
             assert isinstance(clump, Clump)
             spin[segment.start : segment.stop] = clump.angular_velocity
             orientation[segment.start : segment.stop] = clump.turn()
@@ -143,6 +153,13 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     )
 
 
+def _each(table: Rack | Lattice | Clump | Inflow) -> int:
+    """Balls of each clump of a table; 0 of one that makes balls."""
+    if isinstance(table, Rack | Lattice) or not table.spheres:
+        return 0
+    return len(table.spheres)
+
+
 def _velocities(table: Rack | Lattice | Clump | Inflow, count: int) -> F64:
     """Velocities (N, 3) at the start of the balls of a table."""
     if isinstance(table, Clump):
@@ -159,7 +176,8 @@ def _centres(table: Rack | Lattice | Clump | Inflow) -> F64:
         return rack_centres(table)
     if isinstance(table, Lattice):
         return lattice_centres(table)
-    return np.tile(table.region.centre(), (table.size(), 1))  # where they wait, out of the world
+    shape = table.shape()  # where they wait, out of the world
+    return np.tile([table.region.centre()] if shape is None else shape.centres(), (table.count, 1))
 
 
 def rack_centres(rack: Rack) -> F64:

@@ -17,9 +17,7 @@ TRIES = 64
 
 def circumscribed(clump: Clump) -> tuple[float, float]:
     """Radius of the ball about the centre of mass that holds all of a clump, m, and the volume of the clump, m^3."""
-    rows, centre = np.array(clump.spheres), np.array(clump.body().centre)
-    reach = np.linalg.norm(rows[:, :3] - centre, axis=1) + rows[:, 3]
-    return float(reach.max()), float(union(clump.spheres).volume)
+    return clump.reach(), float(union(clump.spheres).volume)
 
 
 def random_turns(seed: int, count: int) -> F64:

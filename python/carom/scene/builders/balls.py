@@ -309,9 +309,9 @@ class Builder:
         turns = random_turns(seed, len(packed.position))
         self.material(material)
         made = [
-            shape.placed(place, turn).model_copy(
-                update={"name": f"{name}{k}-", "velocity": tuple(map(float, velocity or ZEROS))}
-            )
+            shape.placed(place, turn)
+            .called(name, k)
+            .model_copy(update={"velocity": tuple(map(float, velocity or ZEROS))})
             for k, (place, turn) in enumerate(zip(packed.position, turns, strict=True), 1)
         ]
         self._tree.clump += made

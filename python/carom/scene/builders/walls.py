@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from carom.arrays import F64
 from carom.scene.arguments import explained
 from carom.scene.builders.balls import Builder, Number, Vector, make
 from carom.scene.tables.flow import Inflow, Outlet
@@ -158,6 +159,8 @@ class Waller(Builder):
         material: str,
         seed: int,
         radius: Number | None = None,
+        spheres: Sequence[Vector] | F64 | None = None,
+        orientation: Vector | None = None,
         mass: Number | None = None,
         density: Number | None = None,
         inertia: Number | None = None,
@@ -181,7 +184,8 @@ class Waller(Builder):
         their centres are then, at places drawn with `seed`; a ball waits until there is room. `rate` 1/s from the time
         `start` s on, by default as fast as there is room; `velocity` m/s, of which each component is changed at random by
         at most `spread` m/s. All have one `radius` or `diameter` m, or `sizes` and its keys as in `packing`, drawn with
-        `seed`.
+        `seed`. With `spheres`, as of `clump`, `count` clumps enter, called as those of `clump_packing`. They have the
+        `orientation` (unit quaternion, w first), or are turned at random.
         """
         return self._add(Inflow, locals())
 

@@ -266,7 +266,7 @@ def _planes(parts: Whole) -> list[Placed]:
 def _heavy_shell(parts: Whole) -> Iterator[Finding]:
     bodies = parts.bodies()
     for segment in bodies.segments:
-        if segment.section == "clump":  # the inertia is that of the whole
+        if segment.each:  # the inertia is that of the whole clump
             continue
         k = segment.start
         hollow = 2.0 / 3.0 * bodies.mass[k] * bodies.radius[k] ** 2

@@ -12,6 +12,7 @@ from carom.scene.assembly.mechanics import MECHANICS
 from carom.scene.checks.deformation import least_lengths
 from carom.scene.messages import Finding
 from carom.scene.tables.clumps import Clump
+from carom.scene.tables.flow import Inflow
 from carom.scene.tables.impact_laws import LAWS
 
 if TYPE_CHECKING:
@@ -29,9 +30,17 @@ MOMENTS = (1e-90, 1e90)
 """Moments of inertia between these, kg m^2, as of spheres."""
 
 
+def shapes(parts: Parts) -> Iterator[tuple[str, int, Clump]]:
+    """The clumps of a scene with section and place of their tables; one of each inflow of them."""
+    yield from ((Clump.section, i, clump) for i, clump in parts.tables(Clump))
+    for i, inflow in parts.tables(Inflow):
+        if (shape := inflow.shape()) is not None:
+            yield Inflow.section, i, shape
+
+
 def check_clumps(parts: Parts) -> Iterator[Finding]:
     """What a scene with clumps may not have."""
-    if not parts.entries["clump"]:
+    if not any(True for _ in shapes(parts)):
         return
     yield from _options(parts)
     for section in MECHANICS:
@@ -64,14 +73,13 @@ def _options(parts: Parts) -> Iterator[Finding]:
 
 def usable_clumps(parts: Parts) -> Iterator[Finding]:
     """Sizes and masses at which squares and cubes neither overflow nor vanish."""
-    for i, clump in parts.tables(Clump):
+    for section, i, clump in shapes(parts):
         body, (least, most) = clump.body(), MOMENTS
         wrong = [moment for moment in body.moments if not least <= moment <= most]
         if wrong:
             cause = f"a principal moment comes to {wrong[0]:g}, outside {least:g} to {most:g}"
-            yield Finding(
-                ("clump", i, "spheres" if clump.inertia is None else "inertia"), cause, "check the units"
-            )
+            key = "spheres" if clump.inertia is None else "inertia"
+            yield Finding((section, i, key), cause, "check the units")
 
 
 def check_size(parts: Parts) -> Iterator[Finding]:
@@ -79,7 +87,7 @@ def check_size(parts: Parts) -> Iterator[Finding]:
     periods = parts.periods
     if periods is None or not any(periods):
         return
-    for i, clump in parts.tables(Clump):
+    for section, i, clump in shapes(parts):
         balls = np.array(clump.spheres)
         centre, radius = balls[:, :3], balls[:, 3]
         apart = np.linalg.norm(centre[:, None] - centre[None], axis=2) + radius[:, None] + radius[None]
@@ -92,5 +100,5 @@ def check_size(parts: Parts) -> Iterator[Finding]:
                     f" and the period along {'xyz'[k]} {period:g} m{when}"
                 )
                 cure = f"give a period above {longest:g} m: with less, the clump could meet itself"
-                yield Finding(("clump", i, "spheres"), cause, cure)
+                yield Finding((section, i, "spheres"), cause, cure)
                 break

@@ -33,15 +33,16 @@ def check_flow(parts: Parts) -> Iterator[Finding]:
         yield from _held(parts)
     for i, inflow in parts.tables(Inflow):
         corners = _corners(inflow.region)
-        largest = float(inflow.radii().max())
-        radius = np.full(len(corners), largest)
+        reach = inflow.reach()
+        radius = np.full(len(corners), reach)
         for wall in parts.walls():
             if wall.motion is not None and (wall.motion.until or math.inf) <= inflow.start:
                 continue  # it has been taken away by then
             depth = -float(gaps(wall, corners, radius).min())
-            if depth > TOUCHING * largest:
-                cause = f"balls would enter {depth:.4g} m deep in {called(wall)}"
-                cure = "the region is that of their centres: keep it one radius away from walls"
+            if depth > TOUCHING * reach:
+                what, away = ("clumps", "their reach") if inflow.spheres else ("balls", "one radius")
+                cause = f"{what} would enter {depth:.4g} m deep in {called(wall)}"
+                cure = f"the region is that of their centres: keep it {away} away from walls"
                 yield Finding(("inflow", i, "region"), cause, cure)
                 break
         if any(_leave(parts, outlet, inflow.region)[1] for _, outlet in parts.tables(Outlet)):
@@ -128,7 +129,9 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
     there, clumps = bodies.present.copy(), dict(parts.tables(Clump))
     places, names = bodies.position.copy(), list(bodies.names)
     for segment in bodies.segments:
-        if segment.section == "clump":  # which leaves by its centre of mass; its first ball stands for it
+        if (
+            segment.section == Clump.section
+        ):  # which leaves by its centre of mass; its first ball stands for it
             clump = clumps[segment.index]
             places[segment.start], names[segment.start] = clump.middle(), clump.name
             there[segment.start + 1 : segment.stop] = False

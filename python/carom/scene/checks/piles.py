@@ -69,7 +69,8 @@ def _entering(parts: Whole) -> int:
     for _, inflow in parts.tables(Inflow):
         if inflow.start <= until:
             due = 1.0 + inflow.rate * (until - inflow.start)
-            total += inflow.count if inflow.rate == 0 else min(inflow.count, int(due))
+            bodies = inflow.count if inflow.rate == 0 else min(inflow.count, int(due))
+            total += bodies * inflow.size() // inflow.count
     return total
 
 

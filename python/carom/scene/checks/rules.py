@@ -309,13 +309,11 @@ def _usable_numbers(parts: Parts) -> Iterator[Finding]:
     unusable = False
     for segment in bodies.segments:
         for key, values, least, most in limits:
-            several = values[
-                segment.start : segment.stop if segment.section == "clump" else segment.start + 1
-            ]
+            several = values[segment.start : segment.start + (segment.each or 1)]
             wrong = several[~((several >= least) & (several <= most))]  # also catches nan
             if len(wrong):
                 cause = f"{key} comes to {wrong[0]:g}, outside {least:g} to {most:g}"
-                place = "spheres" if segment.section == "clump" else key
+                place = "spheres" if segment.each else key
                 yield Finding((segment.section, segment.index, place), cause, "check the units")
                 unusable = True
                 break  # mass and inertia follow from the radius

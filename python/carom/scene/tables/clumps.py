@@ -35,6 +35,12 @@ from carom.scene.tables.quantities import (
 MOST_SPHERES = 500
 """Spheres of one clump at most: the properties of 200 that all overlap take 3 s, and the time grows with the cube."""
 
+Spheres = Annotated[
+    tuple[tuple[float, float, float, float], ...], Vectors(BallPlace(most=FARTHEST), 1, MOST_SPHERES)
+]
+"""Centres and radii of the balls of a clump."""
+ROD = [[-0.01, 0.0, 0.0, 0.01], [0.01, 0.0, 0.0, 0.01]]
+
 
 @dataclass(frozen=True)
 class Rigid:
@@ -59,12 +65,10 @@ class Clump(Table):
 
     name: Name = key("name; its balls are called by it and their number, from 1", examples=["rod"])
     material: Name = key("name of its material", examples=["steel"])
-    spheres: Annotated[
-        tuple[tuple[float, float, float, float], ...], Vectors(BallPlace(most=FARTHEST), 1, MOST_SPHERES)
-    ] = key(
+    spheres: Spheres = key(
         "centres and radii [x, y, z, radius] in own axes; they may overlap",
         "m",
-        examples=[[[-0.01, 0.0, 0.0, 0.01], [0.01, 0.0, 0.0, 0.01]]],
+        examples=[ROD],
     )
     mass: Mass | None = key("mass (or give density)", "kg", default=None, examples=[0.05, "50 g"])
     density: Density | None = key("density, instead of mass", "kg/m^3", default=None, examples=[7800.0])
@@ -132,6 +136,10 @@ class Clump(Table):
             update={"position": tuple((centre - arm).tolist()), "orientation": tuple(orientation.tolist())}
         )
 
+    def called(self, name: str, number: int) -> Clump:
+        """The same as one of many: `name = "rod"` makes rod1-, rod2-, ..., with balls rod1-1, rod1-2, ..."""
+        return self.model_copy(update={"name": f"{name}{number}-"})
+
     def turn(self) -> F64:
         """Unit quaternion (4,), w first, from own to fixed axes at the start."""
         return np.array(scaled(self.orientation))
@@ -149,6 +157,11 @@ class Clump(Table):
         with np.errstate(all="ignore"):
             arms = self.centres() - self.middle()
             return np.asarray(np.array(self.velocity) + np.cross(self.angular_velocity, arms))
+
+    def reach(self) -> float:
+        """How far its balls reach from its centre of mass, m."""
+        away = np.linalg.norm(np.array(self.spheres)[:, :3] - self.body().centre, axis=1)
+        return float((away + self.radii()).max())
 
     def radii(self) -> F64:
         """Radii of its balls, (n,), m."""

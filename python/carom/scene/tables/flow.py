@@ -15,8 +15,9 @@ from carom.scene.packing import Sizes, Stream
 from carom.scene.packing.sizes import Rare
 from carom.scene.tables.balls import MOST_BALLS, volume
 from carom.scene.tables.base import Table
+from carom.scene.tables.clumps import ROD, Clump, Spheres
 from carom.scene.tables.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Quantity, exactly_one, refuse
-from carom.scene.tables.lists import Direction
+from carom.scene.tables.lists import Direction, Quaternion
 from carom.scene.tables.quantities import (
     ZEROS,
     Density,
@@ -33,11 +34,13 @@ from carom.scene.tables.quantities import (
 from carom.scene.tables.sizes import Sized
 
 _BOX, _DISC = ("low", "high"), ("point", "normal", "radius")
+OF_SIZES = ("radius", "diameter", "mean", "deviation", "smallest", "largest", "classes", "inertia")
+"""Keys of an inflow that say what `spheres` says of clumps."""
 _CURE = "give low and high (a box), or point, normal and radius (a disc)"
 
 
 class Region(Table):
-    """Where the centres of entering balls are: a box or a flat disc."""
+    """Where the centres of mass of what enters are: a box or a flat disc."""
 
     section: ClassVar[str] = "region"
 
@@ -93,18 +96,31 @@ class Region(Table):
 
 
 class _Kind(Table):
-    """What an inflow says of its balls besides the laws of sizes."""
+    """What an inflow says of its balls or clumps besides the laws of sizes."""
 
     name: Name = key("prefix of the names; the number is appended", examples=["grain"])
     material: Name = key("name of its material", examples=["grain"])
     radius: Length | None = key(
-        "radius r of all balls; or give `diameter`, or `sizes` and its keys",
+        "radius r of all balls; or give `diameter`, or `sizes` and its keys, or `spheres`",
         "m",
         default=None,
         examples=["5 mm"],
     )
+    spheres: Spheres | None = key(
+        "let clumps enter, each of these spheres: centres and radii [x, y, z, radius] in own axes",
+        "m",
+        default=None,
+        examples=[ROD],
+    )
+    orientation: Annotated[tuple[float, float, float, float], Quaternion()] | None = key(
+        "of clumps, unit quaternion [w, x, y, z], own to fixed axes, with which they enter; if omitted, at random",
+        default=None,
+    )
     mass: Mass | None = key(
-        "mass m of each ball, if all have one size (or give density)", "kg", default=None, examples=["1.3 g"]
+        "mass m of each ball or clump, if all have one size (or give density)",
+        "kg",
+        default=None,
+        examples=["1.3 g"],
     )
     density: Density | None = key("density, instead of mass", "kg/m^3", default=None, examples=[2500.0])
     inertia: Inertia | None = key(
@@ -116,20 +132,23 @@ class _Kind(Table):
 
 
 class Inflow(Sized, _Kind):
-    """Balls that enter in the course of the run; `name = "grain"` makes grain1, grain2, ..."""
+    """Balls or clumps that enter in the course of the run; `name = "grain"` makes grain1, grain2, ...
+
+    Clumps are called grain1-, grain2-, ..., their balls grain1-1, grain1-2, ...
+    """
 
     section: ClassVar[str] = "inflow"
 
-    first_number: Annotated[int, Integer(Bounds(ge=0))] = key("number of the first ball", default=1)
+    first_number: Annotated[int, Integer(Bounds(ge=0))] = key("number of the first one", default=1)
     count: Annotated[int, Integer(Bounds(ge=1, le=MOST_BALLS))] = key(
-        "number of balls that enter in all", examples=[1000]
+        "number of balls or clumps that enter in all", examples=[1000]
     )
     region: Region = key(
         "where they enter: `{ low, high }` of a box, or `{ point, normal, radius }` of a disc",
         examples=[{"low": [0.0, 0.0, 0.3], "high": [0.1, 0.1, 0.3]}],
     )
     rate: Annotated[float, Quantity("frequency", NOT_NEGATIVE)] = key(
-        "balls per second; 0: as fast as there is room", "1/s", default=0.0, examples=[500.0]
+        "balls or clumps per second; 0: as fast as there is room", "1/s", default=0.0, examples=[500.0]
     )
     start: Annotated[float, Quantity("time", NOT_NEGATIVE)] = key(
         "when the first may enter", "s", default=0.0
@@ -138,7 +157,7 @@ class Inflow(Sized, _Kind):
     spread: Annotated[float, Quantity("speed", NOT_NEGATIVE)] = key(
         "each component of that velocity is changed at random by at most this", "m/s", default=0.0
     )
-    seed: Seed = key("seed of sizes, places and velocities", examples=[1])
+    seed: Seed = key("seed of sizes, places, turns and velocities", examples=[1])
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -155,28 +174,66 @@ class Inflow(Sized, _Kind):
 
     def _sizes_given(self) -> Mapping[str, Any]:
         given = self.__dict__
+        if self.spheres is not None:
+            others = [key for key in OF_SIZES if given[key] is not None]
+            if others or self.sizes != "equal":
+                other = others[0] if others else "sizes"
+                raise refuse(f"both spheres and {other} are given", "remove one of them")
+            return {**given, "diameter": 2.0 * max(radius for *_, radius in self.spheres)}
+        if self.orientation is not None:
+            raise refuse("orientation is given without spheres", "balls are round: leave it out")
         if self.radius is None:
             if self.sizes == "equal" and self.diameter is None:
-                raise refuse("no size is given", "give radius, or diameter, or sizes and its keys")
+                raise refuse(
+                    "no size is given", "give radius, or diameter, or sizes and its keys, or spheres"
+                )
             return given
         if self.sizes != "equal" or self.diameter is not None:
             other = "diameter" if self.diameter is not None else "sizes"
             raise refuse(f"both radius and {other} are given", "remove one of them")
         return {**given, "diameter": 2.0 * self.radius}
 
+    def shape(self) -> Clump | None:
+        """The first of its clumps as it waits, with its centre of mass in the middle of the region; None of balls."""
+        if self.spheres is None:
+            return None
+        given = {key: getattr(self, key) for key in ("name", "material", "spheres", "mass", "density")}
+        clump = Clump.model_construct(**given, position=ZEROS, inertia=None, centre=None)
+        turn = np.array(scaled(self.orientation or (1.0, 0.0, 0.0, 0.0)))
+        return clump.placed(np.array(self.region.centre()), turn).called(self.name, self.first_number)
+
+    def clumps(self) -> list[Clump]:
+        """Its clumps in the order in which they enter; none of balls."""
+        shape, numbers = self.shape(), range(self.first_number, self.first_number + self.count)
+        return [] if shape is None else [shape.called(self.name, k) for k in numbers]
+
     def radii(self) -> F64:
-        """Radii of its balls in the order in which they enter, (count,), m: independent draws from the law of sizes."""
-        return _radii(self.law(), self.seed, self.count)
+        """Radii of its balls in the order in which they enter, (n,), m: independent draws from the law of sizes."""
+        shape = self.shape()
+        return _radii(self.law(), self.seed, self.count) if shape is None else self._each(shape.radii())
+
+    def reach(self) -> float:
+        """How far what enters reaches from its centre of mass at most, m."""
+        shape = self.shape()
+        return float(self.radii().max()) if shape is None else shape.reach()
+
+    def _each(self, values: F64) -> F64:
+        """Those of the balls of one clump for all of them."""
+        return np.tile(values, self.count)
 
     def masses(self) -> F64:
-        """Masses, (count,), kg."""
+        """Masses of its balls, (n,), kg."""
+        if (shape := self.shape()) is not None:
+            return self._each(shape.masses())
         if self.mass is not None:
             return np.full(self.count, self.mass)
         assert self.density is not None  # by _consistent
         return self.density * volume(self.radii())
 
     def inertias(self) -> F64:
-        """Moments of inertia, (count,), kg m^2."""
+        """Moments of inertia of its balls, (n,), kg m^2."""
+        if (shape := self.shape()) is not None:
+            return self._each(shape.inertias())
         if self.inertia is not None:
             return np.full(self.count, self.inertia)
         radius = self.radii()
@@ -184,15 +241,19 @@ class Inflow(Sized, _Kind):
 
     def size(self) -> int:
         """Number of balls."""
-        return self.count
+        return self.count * len(self.spheres or ((),))
 
     def ball_names(self) -> list[str]:
         """Names of the balls, in the order in which they enter."""
+        if self.spheres is not None:
+            return [name for clump in self.clumps() for name in clump.ball_names()]
         return [f"{self.name}{k}" for k in range(self.first_number, self.first_number + self.count)]
 
     def as_core(self, first: int) -> dict[str, Any]:
-        """As the core takes it; `first` is the index of its first ball."""
+        """As the core takes it; `first` is the number of its first body, a ball or a clump."""
+        turned = {} if self.spheres is None else {"turned": self.orientation is None}
         return {
+            **turned,
             "bodies": (first, self.count),
             "region": self.region.as_core(),
             "rate": self.rate,

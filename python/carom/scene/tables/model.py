@@ -171,7 +171,7 @@ class Scenario(Table):
     lattice: list[Lattice] = key("grids of balls", default_factory=list)
     clump: list[Clump] = key("rigid bodies made of spheres", default_factory=list)
     packing: list[Packing] = key("random packings of balls", default_factory=list)
-    inflow: list[Inflow] = key("balls that enter in the course of the run", default_factory=list)
+    inflow: list[Inflow] = key("balls or clumps that enter in the course of the run", default_factory=list)
     outlet: list[Outlet] = key("boxes in which balls and clumps leave the run", default_factory=list)
     plane: list[Plane] = key("half-spaces and pieces of planes", default_factory=list)
     cylinder: list[Cylinder] = key("circular tubes as walls", default_factory=list)
@@ -186,6 +186,10 @@ class Scenario(Table):
     load_function: list[LoadFunction] = key(
         "places of Python functions that give loads", default_factory=list
     )
+
+    def clumps(self) -> list[Clump]:
+        """All clumps in the order of the core: those of tables `[[clump]]`, then those that enter."""
+        return [*self.clump, *(clump for inflow in self.inflow for clump in inflow.clumps())]
 
 
 SINGLE: dict[str, type[Table]] = {
