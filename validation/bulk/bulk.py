@@ -21,6 +21,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,7 @@ def run(case: Case, place: Path, options: argparse.Namespace) -> None:
     try:
         if not options.resume or not place.exists():
             soft = SOFT if options.method == "penalty" else {}
-            scene = case.scene(
+            scene = replace(case, seed=options.seed).scene(
                 step=options.step,
                 pile_tolerance=options.tolerance,
                 method=options.method,
@@ -114,6 +115,7 @@ def arguments() -> argparse.Namespace:
     for name in ("friction", "restitution"):
         add(f"--{name}", type=float, default=1.0, metavar="SHARE", help=f"{name} over that of each pair (1)")
     add("--rolling-radius", type=float, default=0.0, metavar="M", help="rolling radius of all pairs (0)")
+    add("--seed", type=int, default=1, help="seed of the bed (1)")
     add("--threads", type=int, default=1, help="threads (1)")
     add("--json", action="store_true", help="print all numbers as JSON")
     add(

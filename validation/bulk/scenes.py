@@ -71,6 +71,8 @@ class Silo:
     """Of a grain."""
     duration: float = 5.0
     """Time that is looked at once the orifice is open, s."""
+    seed: int = 1
+    """Of the bed."""
 
     def scene(self, **run: Any) -> carom.Scene:
         """Grains packed in the tube, and a lid under the orifice that is taken away at `SETTLING`."""
@@ -108,7 +110,7 @@ class Silo:
     ) -> None:
         """Grains at random in a part of the silo, from `low` up."""
         scene.packing(
-            name, material="M1", density=DENSITY["M1"], seed=1, count=count, diameter=self.diameter,
+            name, material="M1", density=DENSITY["M1"], seed=self.seed, count=count, diameter=self.diameter,
             region="cylinder", point=(0, 0, low + height / 2), axis=(0, 0, 1), region_radius=radius, length=height,
         )  # fmt: skip
 
@@ -130,6 +132,8 @@ class Drum:
     """Of M1 and M2."""
     duration: float = 5.0
     """Time that the drum turns, s."""
+    seed: int = 1
+    """Of the bed."""
 
     @property
     def grains(self) -> int:
@@ -155,7 +159,7 @@ class Drum:
         for name, count, diameter in counts:
             high = low + count * np.pi / 6 * diameter**3 / (LOOSE * 2 * half * self.depth)
             scene.packing(
-                name, material=name, density=DENSITY[name], seed=1, count=count, diameter=diameter,
+                name, material=name, density=DENSITY[name], seed=self.seed, count=count, diameter=diameter,
                 low=(-half, -self.depth / 2, low), high=(half, self.depth / 2, high),
             )  # fmt: skip
             low = high
