@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -384,7 +384,7 @@ def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
         start = _number(names, start) if isinstance(start, str) else start
         stop = _number(names, stop) + 1 if isinstance(stop, str) else stop  # of names both ends count
         return np.arange(len(names))[start : stop : wanted.step]
-    several = [wanted] if isinstance(wanted, str | int | np.integer) else list(wanted)
+    several = list(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, str) else [wanted]
     known = {name: i for i, name in enumerate(names)}
     return np.array([_number(names, name, known) for name in several], dtype=np.intp)
 

@@ -63,7 +63,7 @@ class Choice:
 
 
 def _listed(given: int | Iterable[int], label: str) -> list[int]:
-    steps = [given] if isinstance(given, int) else list(given)
+    steps = list(given) if isinstance(given, Iterable) else [given]
     if any(isinstance(step, bool) or not hasattr(step, "__index__") for step in steps):
         raise CaromError(f"{label}: steps are whole numbers; give {CHOICE}")
     return steps

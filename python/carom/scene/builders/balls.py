@@ -288,19 +288,20 @@ class Builder:
         called `name` + number + "-".
         """
         label = f"Scene.clump_packing({quoted(name)})"
-        given = {k: v for k, v in locals().items() if k not in ("self", "label", "spheres", "fraction")}
+        given = {k: v for k, v in locals().items() if k not in ("self", "label", "spheres")}
         shape = make(
             Clump, label, name=name, spheres=spheres, material=material, density=density, position=ZEROS
         )
         reach, solid = circumscribed(shape)
         more = 4.0 / 3.0 * np.pi * reach**3 / solid
-        about = None if fraction is None else more * fraction
-        if about is not None and not 0.0 < about <= LOOSE:
-            cause = f"{fraction:g} is not within 0 and {LOOSE / more:.3g}: what is packed are balls about the clumps"
+        asked = make(Packing, label, **given, diameter=2.0 * reach)
+        about = asked.fraction and more * asked.fraction
+        if about is not None and about > LOOSE:
+            cause = f"{asked.fraction:g} is not within 0 and {LOOSE / more:.3g}: what is packed are balls about the clumps"
             cure = "give less; clumps that fall lie denser"
             raise ScenarioError([Problem(label, "fraction", cause, cure)])
         try:
-            packed = make(Packing, label, **given, fraction=about, diameter=2.0 * reach).packed()
+            packed = asked.model_copy(update={"fraction": about}).packed()
         except PackingError as error:
             cause = f"balls about the clumps, of {more:.3g} times their volume, do not fit: {error.cause}"
             raise ScenarioError(
