@@ -16,7 +16,7 @@ use crate::pile::memory::Pile;
 use crate::problem::{Keeper, KeptProblem};
 use crate::report::StepReport;
 use crate::state::Warm;
-use crate::workspace::{Corrections, IslandScratch, SolveScratch};
+use crate::workspace::{Corrections, IslandScratch, On, SolveScratch};
 use carom_solve::team::{self, lock};
 use glam::DVec3;
 use std::cmp::Reverse;
@@ -34,10 +34,16 @@ impl Task<'_> {
         island: Island,
         report: &mut StepReport,
     ) -> bool {
+        let on = &mut On {
+            task: self,
+            island,
+            scratch,
+            report,
+        };
         match self.level {
-            Level::Position => position::solve_island(self, scratch, island, report),
-            Level::Loads => loads::solve_island(self, scratch, island, report),
-            _ => velocity::solve_island(self, scratch, island, report),
+            Level::Position => position::solve_island(on),
+            Level::Loads => loads::solve_island(on),
+            _ => velocity::solve_island(on),
         }
     }
 

@@ -5,10 +5,12 @@ use crate::contact::Contact;
 use crate::impact::ImpactScratch;
 use crate::islands::Island;
 use crate::level::coupling::Trial;
+use crate::level::Task;
 use crate::model::Model;
 use crate::outcome::{History, ImpactRecord};
 use crate::pile::memory::Pile;
 use crate::problem::Keeper;
+use crate::report::StepReport;
 use crate::state::Warm;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::wall::places::Walls;
@@ -37,6 +39,26 @@ pub struct IslandScratch<'a> {
     pub trial: &'a mut Trial,
     pub impact: &'a mut ImpactScratch,
     pub pile: &'a mut Pile,
+}
+
+/// An island on its way through a level: what is asked, what it is solved with, and what the step reports.
+pub struct On<'r, 's> {
+    pub task: &'r Task<'r>,
+    pub island: Island<'r>,
+    pub scratch: &'r mut IslandScratch<'s>,
+    pub report: &'r mut StepReport,
+}
+
+impl On<'_, '_> {
+    /// What the step reports so far, with the residual history of the velocity level.
+    pub fn snapshot(&self) -> (StepReport, History) {
+        (*self.report, self.scratch.history[2].clone())
+    }
+
+    /// Goes back to a snapshot: what was solved since is no part of the step.
+    pub fn restore(&mut self, snapshot: (StepReport, History)) {
+        (*self.report, self.scratch.history[2]) = snapshot;
+    }
 }
 
 /// Where the corrections of a level go: U or W of each sphere.

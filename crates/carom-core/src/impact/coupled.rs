@@ -3,16 +3,14 @@
 
 use super::law::Law;
 use crate::impact::memory::ImpactScratch;
-use crate::impact::on::On;
-use crate::islands::Island;
 use crate::joint::add_reaction;
 use crate::level::coupling::Trial;
+use crate::level::Task;
 use crate::model::Model;
 use crate::rotation;
 use crate::rows::Rows;
-use crate::state::State;
 use crate::stepper::Span;
-use crate::workspace::IslandScratch;
+use crate::workspace::{IslandScratch, On};
 use carom_solve::rows::{Measured, RowSystem, Subproblem, NODE_DOF, WORLD};
 use glam::DVec3;
 
@@ -68,13 +66,8 @@ impl Subproblem for CoupledVelocities<'_> {
 
 impl ImpactScratch {
     /// Joint rows at q_{n+1}, their rates, and the loads at `(q_check, v_check)`.
-    pub(super) fn begin_coupling(
-        &mut self,
-        model: &Model,
-        state: &State,
-        scratch: &mut IslandScratch,
-        island: Island,
-    ) {
+    pub(super) fn begin_coupling(&mut self, on: &mut On) {
+        let (island, Task { model, state, .. }) = (on.island, *on.task);
         self.joints.clear();
         self.joints.extend_from_slice(island.joints);
         self.loads.clear();
@@ -85,15 +78,9 @@ impl ImpactScratch {
         if island.is_free() {
             return;
         }
-        let IslandScratch {
-            solve,
-            linear,
-            angular,
-            shift,
-            position,
-            trial,
-            ..
-        } = scratch;
+        let scratch = &mut *on.scratch;
+        let (linear, angular) = (scratch.linear, scratch.angular);
+        let (solve, trial) = (&*scratch.solve, &mut *scratch.trial);
         let orientation = |i: usize, turn: DVec3| rotation::advance(turn, state.orientation[i]);
         for &body in &solve.bodies {
             let i = body as usize;
@@ -113,8 +100,9 @@ impl ImpactScratch {
         }
         for &body in &solve.bodies {
             let i = body as usize;
-            trial.position[i] = position[i];
-            trial.orientation[i] = orientation(i, angular[i].displacement + shift[i][1]);
+            trial.position[i] = scratch.position[i];
+            let turn = angular[i].displacement + scratch.shift[i][1];
+            trial.orientation[i] = orientation(i, turn);
         }
         let mut rows = Rows::default();
         for &index in &self.joints {
@@ -159,13 +147,13 @@ impl ImpactScratch {
     }
 
     /// Stage J: joints and the change of loads alone, from `v_check`; what follows starts from its result.
-    pub(super) fn settle(&mut self, on: &mut On, state: &State) -> bool {
-        let model = on.model;
+    pub(super) fn settle(&mut self, on: &mut On) -> bool {
+        let Task { model, state, .. } = *on.task;
         self.chosen.clear();
         self.scale.clear();
         self.velocity.clone_from(&self.v_check);
         self.along_middle = false;
-        self.build(model, on.scratch.contacts, Law::Plastic);
+        self.build(on, Law::Plastic);
         if !self.solve_built(on, 0, None) {
             return false;
         }

@@ -11,7 +11,6 @@ pub mod energy;
 pub mod law;
 pub mod laws;
 mod memory;
-mod on;
 mod problem;
 mod reduced;
 pub mod rows;

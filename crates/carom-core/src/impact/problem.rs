@@ -10,13 +10,11 @@ pub use energy::RowSolution;
 
 use crate::contact::Contact;
 use crate::impact::memory::ImpactScratch;
-use crate::islands::Island;
 use crate::level::speeds::{opening, Speeds};
+use crate::level::{Demand, Task};
 use crate::model::Model;
 use crate::rows::Rows;
-use crate::state::State;
-use crate::stepper::Span;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
 use carom_solve::Status;
 use glam::DVec3;
@@ -29,25 +27,11 @@ impl ImpactScratch {
     }
 
     /// Collects the island: rows with the normal of n+1, and its motion.
-    pub fn begin(
-        &mut self,
-        model: &Model,
-        state: &State,
-        scratch: &mut IslandScratch,
-        island: Island,
-        span: Span,
-        accept_unconverged: bool,
-    ) {
-        let IslandScratch {
-            contacts,
-            solve,
-            walls,
-            position,
-            clumps,
-            ..
-        } = scratch;
-        let members = island.contacts;
-        solve.begin(model, contacts, island);
+    pub fn begin(&mut self, on: &mut On) {
+        let (scratch, Task { model, state, .. }) = (&mut *on.scratch, *on.task);
+        let (contacts, solve) = (&*scratch.contacts, &mut *scratch.solve);
+        let (walls, members) = (scratch.walls, on.island.contacts);
+        solve.begin(model, contacts, on.island);
         std::mem::swap(&mut self.full, &mut solve.system);
         self.members.clear();
         self.members.extend_from_slice(members);
@@ -61,7 +45,7 @@ impl ImpactScratch {
         let mut rows: Rows = Default::default();
         for &m in members {
             let c = &contacts[m as usize];
-            let dim = clumps.rows(model, c, c.n1, &mut rows);
+            let dim = scratch.clumps.rows(model, c, c.n1, &mut rows);
             let (a, b) = (solve.node(model, c.a), solve.node(model, c.b));
             let bounds = c.bounds;
             self.full.push_contact(
@@ -75,7 +59,7 @@ impl ImpactScratch {
             );
             if once {
                 let mut middle = Rows::default();
-                clumps.middle_rows(model, c, &mut middle);
+                scratch.clumps.middle_rows(model, c, &mut middle);
                 self.middle.extend_from_slice(&middle[..dim]);
                 self.opening.push(opening(model, state, walls, c));
             }
@@ -84,7 +68,7 @@ impl ImpactScratch {
                 let old = walls.start_twist(model, c, state.position[i]);
                 // Where loads are solved once the smooth step may have left the surface: it is the surface that moves.
                 let left = if once { c.gap * c.n1 } else { DVec3::ZERO };
-                let new = walls.end_twist(model, c, position[i] - left);
+                let new = walls.end_twist(model, c, scratch.position[i] - left);
                 let mut measures = [[0.0; 6]; 2];
                 if let (Some(old), Some(new)) = (old, new) {
                     old.measures(&rows, dim, &mut measures[0]);
@@ -100,26 +84,21 @@ impl ImpactScratch {
                 }
             }
         }
-        self.span = span;
-        self.begin_coupling(model, state, scratch, island);
-        self.begin_motion(model, state, scratch);
+        self.span = on.task.span;
+        self.begin_coupling(on);
+        self.begin_motion(on);
         self.forget_problems();
-        self.accept_unconverged = accept_unconverged;
+        self.accept_unconverged = on.task.demand == Demand::Accepted;
     }
 
     /// Velocities per node, speeds and the closing tolerance.
-    fn begin_motion(&mut self, model: &Model, state: &State, scratch: &IslandScratch) {
-        let IslandScratch {
-            solve,
-            linear,
-            angular,
-            clumps,
-            ..
-        } = scratch;
+    fn begin_motion(&mut self, on: &On) {
+        let (scratch, Task { model, state, .. }) = (&*on.scratch, *on.task);
+        let (linear, angular, clumps) = (scratch.linear, scratch.angular, scratch.clumps);
         self.v_check.clear();
         self.v_old.clear();
         self.speeds = self.wall_speeds;
-        for &body in &solve.bodies {
+        for &body in &scratch.solve.bodies {
             let i = body as usize;
             let motion = [linear[i].velocity, angular[i].velocity];
             let [lin, ang] = clumps.to_node(model, body, motion);

@@ -4,16 +4,14 @@ use super::energy::Admit;
 use super::law::Law;
 use super::laws;
 use super::memory::ImpactScratch;
-use super::on::On;
 use super::problem::RowSolution;
 use super::sequence::{loads, solve_problem, ImpactIsland, Start};
 use crate::contact::{Contact, WorldImpulse};
-use crate::islands::Island;
-use crate::level::{rest, Demand, Task};
+use crate::level::rest;
 use crate::options::Problems;
 use crate::report::StepReport;
-use crate::state::{State, Warm};
-use crate::workspace::IslandScratch;
+use crate::state::Warm;
+use crate::workspace::On;
 
 /// Share (1) of `closing_tolerance_speed` by which normals may turn between the positions at which loads are solved and those at the end of the
 /// step. At 1 what rolls over a curved surface closes in every step; at 0 the same loads are solved twice.
@@ -21,36 +19,26 @@ const TURN_SHARE: f64 = 0.1;
 
 /// Solves one island by the law of the run. A call: in its caller its memory would be that of a lone contact too.
 #[inline(never)]
-pub fn solve_island(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-) -> bool {
-    let o = &task.model.options;
+pub fn solve_island(on: &mut On) -> bool {
+    let o = &on.task.model.options;
     let solve = |rows: &mut RowIsland, still: bool| {
-        let solved = still || island.contacts.is_empty() || laws::solve(o.impact, rows);
+        let nothing = still || rows.on.island.contacts.is_empty();
+        let solved = nothing || laws::solve(o.impact, rows);
         if solved {
             if o.impact.has_loads_first() && !rows.again && !rows.impacts {
                 rows.keep_warm();
             }
-            let on = &mut rows.on;
-            rows.work.finish(on.model, on.scratch, on.report);
+            rows.work.finish(rows.on);
         }
         solved
     };
-    on_rows(task, scratch, island, report, o.loads_once(), solve)
+    on_rows(on, o.loads_once(), solve)
 }
 
 /// Solves the loads of one island at the positions after the smooth step, with the contacts that do not approach: their impulses, and the jumps
 /// of velocity W0 that these make.
 #[inline(never)]
-pub fn solve_loads(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-) -> bool {
+pub fn solve_loads(on: &mut On) -> bool {
     let solve = |rows: &mut RowIsland, still: bool| {
         if !still {
             let Some([resting, _]) = loads(rows) else {
@@ -61,51 +49,32 @@ pub fn solve_loads(
             }
         }
         rows.keep_warm();
-        rows.work.give_loads(rows.on.model, rows.on.scratch);
+        rows.work.give_loads(rows.on);
         true
     };
-    on_rows(task, scratch, island, report, false, solve)
+    on_rows(on, false, solve)
 }
 
 /// Collects an island and its joints, and has it solved; `still`: nothing moves and nothing pulls.
-fn on_rows(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-    again: bool,
-    solve: impl FnOnce(&mut RowIsland, bool) -> bool,
-) -> bool {
-    let Task {
-        model, state, span, ..
-    } = *task;
-    let mut work = std::mem::take(scratch.impact);
-    let accept = task.demand == Demand::Accepted;
-    work.begin(model, state, scratch, island, span, accept);
-    let mut on = On {
-        model,
-        scratch,
-        report,
-    };
-    let settled = island.is_free() || work.settle(&mut on, state);
+fn on_rows(on: &mut On, again: bool, solve: impl FnOnce(&mut RowIsland, bool) -> bool) -> bool {
+    let mut work = std::mem::take(on.scratch.impact);
+    work.begin(on);
+    let settled = on.island.is_free() || work.settle(on);
     let still = work.speeds.largest() == 0.0;
     let mut rows = RowIsland {
         work: &mut work,
         on,
-        state,
         impacts: false,
         again,
     };
     let solved = settled && solve(&mut rows, still);
-    let on = rows.on;
     *on.scratch.impact = work;
     solved
 }
 
 struct RowIsland<'w, 'r, 's> {
     work: &'w mut ImpactScratch,
-    on: On<'r, 's>,
-    state: &'r State,
+    on: &'w mut On<'r, 's>,
     /// A problem other than that of the loads was solved.
     impacts: bool,
     /// The loads have been solved before positions were.
@@ -157,29 +126,25 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
         let warm = (start == Start::LastLoads).then(|| self.last_loads());
         self.impacts |= problem > 0;
         let closed = self.again
-            || self.on.model.options.impact.has_loads_first()
+            || self.on.task.model.options.impact.has_loads_first()
             || (self.work.chosen.iter()).any(|&slot| self.approaches(slot));
         self.work.table.begin_problem(problem, closed);
         if self.again && start == Start::LastLoads && self.still_hold() {
-            self.work.take_loads(
-                self.on.model,
-                self.on.scratch.contacts,
-                &warm.unwrap_or_default(),
-            );
+            self.work.take_loads(self.on, &warm.unwrap_or_default());
             return true;
         }
         if law == Law::Springs {
-            return self.work.press(&mut self.on);
+            return self.work.press(self.on);
         }
-        (self.work).solve_chosen(&mut self.on, law, problem, warm.as_deref())
+        (self.work).solve_chosen(self.on, law, problem, warm.as_deref())
     }
 
     fn solve_without_restitution(&mut self, problem: u32) -> bool {
-        (self.work).solve_without_restitution(&mut self.on, problem)
+        (self.work).solve_without_restitution(self.on, problem)
     }
 
     fn compress(&mut self) -> Option<bool> {
-        self.work.compress(&mut self.on)
+        self.work.compress(self.on)
     }
 
     fn add(&mut self, problem: u32) {
@@ -190,19 +155,19 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
 
     fn has_safeguard(&self) -> bool {
         // What was given up cannot be scaled further.
-        self.on.model.options.energy_safeguard && self.work.scale.iter().any(|&s| s > 0.0)
+        self.on.task.model.options.energy_safeguard && self.work.scale.iter().any(|&s| s > 0.0)
     }
 
     fn limits(&self, with: Option<&RowSolution>, admit: Admit) -> Option<Vec<f64>> {
-        self.work.limits(self.on.model, with, admit)
+        self.work.limits(self.on.task.model, with, admit)
     }
 
     fn tolerance(&self) -> f64 {
-        self.on.model.options.tolerance
+        self.on.task.model.options.tolerance
     }
 
     fn solve_finely(&mut self, problem: u32) {
-        self.work.solve_finely(&mut self.on, problem);
+        self.work.solve_finely(self.on, problem);
     }
 
     fn balance(&mut self) {
@@ -241,7 +206,7 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
     }
 
     fn gains_energy(&self) -> bool {
-        self.work.gains_energy(self.on.model)
+        self.work.gains_energy(self.on.task.model)
     }
 
     fn later(&mut self, law: Law, first: u32) -> Option<bool> {
@@ -270,7 +235,7 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
     }
 
     fn bounds(&self) -> Problems {
-        self.on.model.options.problems(self.slots())
+        self.on.task.model.options.problems(self.slots())
     }
 
     fn report(&mut self) -> &mut StepReport {
@@ -282,12 +247,12 @@ impl RowIsland<'_, '_, '_> {
     /// Whether the loads that were solved before positions satisfy their conditions at these: no normal has turned by what would make a contact
     /// close.
     fn still_hold(&self) -> bool {
-        let turned = TURN_SHARE * self.on.model.options.closing_tolerance_speed;
+        let turned = TURN_SHARE * self.on.task.model.options.closing_tolerance_speed;
         self.work.has_contacts_alone()
             && self.work.chosen.iter().all(|&slot| {
                 let c = self.contact(slot);
                 let clumps = self.on.scratch.clumps;
-                let turn = |ball| clumps.turned_since_loads(self.on.model, ball);
+                let turn = |ball| clumps.turned_since_loads(self.on.task.model, ball);
                 (c.n1 - c.load_normal).length() <= turned && turn(c.a).max(turn(c.b)) <= turned
             })
     }
@@ -296,14 +261,15 @@ impl RowIsland<'_, '_, '_> {
     fn last_loads(&self) -> Vec<f64> {
         let work = &self.work;
         let mut start = Vec::with_capacity(work.full.rows());
-        let scale = work.span.h / self.state.warm_step;
+        let state = self.on.task.state;
+        let scale = work.span.h / state.warm_step;
         for &slot in &work.chosen {
             let contact = &self.on.scratch.contacts[work.members[slot] as usize];
             let dim = work.full.contacts[slot].dim as usize;
             let mut packed = [0.0; 6];
             if self.again {
                 packed = contact.load;
-            } else if let Some(warm) = rest::of_last_step(self.state, contact) {
+            } else if let Some(warm) = rest::of_last_step(state, contact) {
                 let world = WorldImpulse {
                     impulse: scale * warm.impulse,
                     moment: scale * warm.moment,

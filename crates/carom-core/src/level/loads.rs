@@ -2,14 +2,13 @@
 //! without restitution, where the smooth step ends. Positions follow the velocities that they give, `(h/2) W0`, and are corrected along normals alone.
 
 use super::single;
-use super::{closed_form, Demand, Task};
+use super::{closed_form, Task};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
 use crate::pile::limits::fits;
-use crate::report::StepReport;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use crate::{impact, pile};
 
 /// Whether the loads leave the gaps of an island as they should be: what they press closed, nothing overlapping.
@@ -25,34 +24,30 @@ pub(crate) fn are_enough(model: &Model, contacts: &[Contact], island: Island) ->
 }
 
 /// Solves the loads of one island; writes those of its contacts, and the jumps W0 of its bodies.
-pub fn solve_island(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-) -> bool {
+pub fn solve_island(on: &mut On) -> bool {
+    let (model, island) = (on.task.model, on.island);
     if let ([m], true) = (island.contacts, island.is_free()) {
-        if closed_form(task.model, &scratch.contacts[*m as usize]) {
-            solve_single(task, scratch, *m);
+        if closed_form(model, &on.scratch.contacts[*m as usize]) {
+            solve_single(on, *m);
             return true;
         }
     }
     if island.contacts.is_empty() {
         return true;
     }
-    if fits(task.model, island) {
-        let accept = task.demand == Demand::Accepted;
-        return pile::solve_velocities(task, scratch, island, report, accept);
+    if fits(model, island) {
+        return pile::solve_velocities(on);
     }
-    impact::rows::solve_loads(task, scratch, island, report)
+    impact::rows::solve_loads(on)
 }
 
 /// A lone contact of a sphere with a plane, in closed form.
-fn solve_single(task: &Task, scratch: &mut IslandScratch, m: u32) {
-    let Task { model, state, .. } = *task;
+fn solve_single(on: &mut On, m: u32) {
+    let Task { model, state, .. } = *on.task;
+    let scratch = &*on.scratch;
     let c = &scratch.contacts[m as usize];
     let i = c.a as usize;
-    let [old, new] = single::wall_motion(model, state, scratch, c);
+    let [old, new] = single::wall_motion(on, c);
     let mut speeds = Speeds::default();
     speeds.add(model, state, scratch.linear[i].velocity, i);
     let twists = scratch.walls.start_twist(model, c, state.position[i]);
@@ -71,9 +66,9 @@ fn solve_single(task: &Task, scratch: &mut IslandScratch, m: u32) {
         let s = single::problem(model, c, &z).solve();
         given = (single::pack(c, &s), Some(single::correction(model, c, &s)));
     }
-    let target = &mut scratch.contacts[m as usize];
+    let target = &mut on.scratch.contacts[m as usize];
     (target.resting, target.load) = (resting, given.0);
     if let Some(jump) = given.1 {
-        scratch.corrections.set(target.a, jump);
+        on.scratch.corrections.set(target.a, jump);
     }
 }

@@ -9,11 +9,9 @@ use super::{closed_form, loads, position_newton, single, Task};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
-use crate::outcome::Level;
 use crate::pile;
 use crate::pile::limits::{fits, may_fall_back};
-use crate::report::StepReport;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use carom_solve::SolveReport;
 use glam::DVec3;
 
@@ -28,26 +26,22 @@ pub(crate) fn is_separated(model: &Model, contacts: &[Contact], island: Island) 
 }
 
 /// Solves one island; writes the corrections U of its bodies and `nu` of its contacts. False: not converged.
-pub fn solve_island(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-) -> bool {
+pub fn solve_island(on: &mut On) -> bool {
+    let (task, island) = (on.task, on.island);
     let printed = task.model.options.is_printed();
-    if is_separated(task.model, scratch.contacts, island) {
+    if is_separated(task.model, on.scratch.contacts, island) {
         for &m in island.contacts.iter().filter(|_| !printed) {
-            let c = &mut scratch.contacts[m as usize];
+            let c = &mut on.scratch.contacts[m as usize];
             c.nu[0] = c.of_load(task.span.h);
         }
         return true;
     }
     if let ([m], true) = (island.contacts, island.is_free()) {
-        if closed_form(task.model, &scratch.contacts[*m as usize]) {
+        if closed_form(task.model, &on.scratch.contacts[*m as usize]) {
             if printed {
-                solve_single(task, scratch, *m, report);
+                solve_single(on, *m);
             } else {
-                correct_single(task, scratch, *m, report);
+                correct_single(on, *m);
             }
             return true;
         }
@@ -59,18 +53,19 @@ pub fn solve_island(
         } else {
             task.demand
         };
-        let solved = pile::solve_positions(task, scratch, island, report, demand);
+        let solved = pile::solve_positions(on, demand);
         if solved || !others {
             return solved;
         }
-        report.fallbacks += 1;
+        on.report.fallbacks += 1;
     }
-    position_newton::solve(task, scratch, island, report)
+    position_newton::solve(on)
 }
 
 /// A lone contact of a sphere with a plane along its normal, from where its load has brought it.
-fn correct_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut StepReport) {
-    let Task { model, span, .. } = *task;
+fn correct_single(on: &mut On, m: u32) {
+    let Task { model, span, .. } = *on.task;
+    let scratch = &mut *on.scratch;
     let c = &mut scratch.contacts[m as usize];
     let i = c.a as usize;
     let of_load = c.of_load(span.h);
@@ -78,7 +73,7 @@ fn correct_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut
     let way = model.inv_mass[i] * (c.nu[0] - of_load) * c.n1;
     let nu = c.nu;
     scratch.corrections.set(c.a, [way, DVec3::ZERO]);
-    report.add_position(&SolveReport::CLOSED_FORM);
+    on.report.add_position(&SolveReport::CLOSED_FORM);
     if scratch.keeper.wants(1) {
         let z = single::ContactMeasures {
             normal: c.gap + model.inv_mass[i] * -of_load,
@@ -88,16 +83,16 @@ fn correct_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut
             scratch.linear[i].displacement,
             scratch.angular[i].displacement,
         ];
-        let at = (Level::Position, 0);
         let shift = [model.inv_mass[i] * nu[0] * c.n1, DVec3::ZERO];
-        single::keep(model, scratch, m, at, &z, nu, motion, shift);
+        single::keep(on, m, 0, &z, nu, motion, shift);
     }
 }
 
 /// A lone contact of a sphere with a plane, in closed form.
 #[inline(always)]
-fn solve_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut StepReport) {
-    let Task { model, state, .. } = *task;
+fn solve_single(on: &mut On, m: u32) {
+    let Task { model, state, .. } = *on.task;
+    let scratch = &mut *on.scratch;
     // By reference: a contact is hundreds of bytes, and this is the whole of a rolling ball's step.
     let c = &scratch.contacts[m as usize];
     let i = c.a as usize;
@@ -116,9 +111,8 @@ fn solve_single(task: &Task, scratch: &mut IslandScratch, m: u32, report: &mut S
     let shift = single::correction(model, c, &s);
     scratch.corrections.set(c.a, shift);
     scratch.contacts[m as usize].nu = nu;
-    report.add_position(&SolveReport::CLOSED_FORM);
+    on.report.add_position(&SolveReport::CLOSED_FORM);
     if scratch.keeper.wants(1) {
-        let at = (Level::Position, 0);
-        single::keep(model, scratch, m, at, &z, nu, [linear, angular], shift);
+        single::keep(on, m, 0, &z, nu, [linear, angular], shift);
     }
 }

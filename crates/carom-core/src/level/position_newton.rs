@@ -8,47 +8,35 @@ use crate::islands::Island;
 use crate::model::Model;
 use crate::outcome::Level;
 use crate::problem::{Keeper, Solve};
-use crate::report::StepReport;
 use crate::rows::{along, Rows};
-use crate::state::State;
 use crate::stepper::{Prediction, Span};
-use crate::workspace::{IslandScratch, SolveScratch};
+use crate::workspace::{IslandScratch, On, SolveScratch};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
 use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport, Status};
 use glam::DVec3;
 
 /// Solves one island; writes the corrections U of its bodies and `nu` of its contacts. False: not solved.
-pub(super) fn solve(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-) -> bool {
-    let Task { model, state, .. } = *task;
-    if model.options.is_printed() {
-        push_contacts(model, state, scratch, island);
+pub(super) fn solve(on: &mut On) -> bool {
+    if on.task.model.options.is_printed() {
+        push_contacts(on);
     } else {
-        push_normals(model, scratch, island);
+        push_normals(on);
     }
-    let found = find(task, scratch, island, report);
+    let found = find(on);
     if !found.converged {
-        if task.demand != Demand::Accepted {
+        if on.task.demand != Demand::Accepted {
             return false;
         }
-        report.unconverged += 1;
+        on.report.unconverged += 1;
     }
-    write(model, scratch, island.contacts);
+    write(on);
     true
 }
 
 /// States the normals of an island as rows of the solver.
-fn push_normals(model: &Model, scratch: &mut IslandScratch, island: Island) {
-    let IslandScratch {
-        contacts,
-        solve,
-        clumps,
-        ..
-    } = scratch;
+fn push_normals(on: &mut On) {
+    let (model, island, scratch) = (on.task.model, on.island, &mut *on.scratch);
+    let (contacts, solve) = (&*scratch.contacts, &mut *scratch.solve);
     solve.begin(model, contacts, island);
     let mut rows: Rows = Default::default();
     for &m in island.contacts {
@@ -56,7 +44,7 @@ fn push_normals(model: &Model, scratch: &mut IslandScratch, island: Island) {
             bounds: Bounds::default(),
             ..contacts[m as usize]
         };
-        clumps.rows(model, &c, c.n1, &mut rows);
+        scratch.clumps.rows(model, &c, c.n1, &mut rows);
         let (a, b) = (solve.node(model, c.a), solve.node(model, c.b));
         let normal = c.n1.to_array();
         let z = [c.gap];
@@ -65,29 +53,23 @@ fn push_normals(model: &Model, scratch: &mut IslandScratch, island: Island) {
 }
 
 /// States the contacts of an island as rows of the solver.
-fn push_contacts(model: &Model, state: &State, scratch: &mut IslandScratch, island: Island) {
-    let IslandScratch {
-        contacts,
-        solve,
-        linear,
-        angular,
-        position,
-        walls,
-        ..
-    } = scratch;
-    solve.begin(model, contacts, island);
+fn push_contacts(on: &mut On) {
+    let (scratch, Task { model, state, .. }) = (&mut *on.scratch, *on.task);
+    let (contacts, solve) = (&*scratch.contacts, &mut *scratch.solve);
+    let (linear, angular, walls) = (scratch.linear, scratch.angular, scratch.walls);
+    solve.begin(model, contacts, on.island);
     let moved = |body: u32| {
         let i = body as usize;
         (linear[i].displacement, angular[i].displacement)
     };
     let mut rows: Rows = Default::default();
-    for &m in island.contacts {
+    for &m in on.island.contacts {
         let c = &contacts[m as usize];
         let dim = c.rows(model, c.n0, &mut rows);
         // A wall is a body B whose motion is known; an image has one on top of that of its body.
         let mut of_b = (!c.is_wall(model)).then(|| moved(c.b));
         if walls.any_moves() {
-            let (from, to) = (state.position[c.a as usize], position[c.a as usize]);
+            let (from, to) = (state.position[c.a as usize], scratch.position[c.a as usize]);
             if let Some([way, turn]) = walls.displacement(model, c, from, to) {
                 let of_body = of_b.unwrap_or_default();
                 of_b = Some((of_body.0 + way, of_body.1 + turn));
@@ -117,15 +99,11 @@ fn push_contacts(model: &Model, state: &State, scratch: &mut IslandScratch, isla
 }
 
 /// Solves the rows, and tells the step how.
-fn find(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-) -> SolveReport {
+fn find(on: &mut On) -> SolveReport {
     let Task {
         model, state, span, ..
-    } = *task;
+    } = *on.task;
+    let island = on.island;
     let IslandScratch {
         contacts,
         solve,
@@ -139,7 +117,7 @@ fn find(
         shift,
         clumps,
         ..
-    } = scratch;
+    } = &mut *on.scratch;
     let SolveScratch {
         newton,
         system,
@@ -185,7 +163,7 @@ fn find(
         }),
     };
     let found = newton.solve(system, &mut measures, &options, lambda, u);
-    report.add_position(&found);
+    on.report.add_position(&found);
     history[1].keep_longest(&newton.history, 0, island.contacts.len());
     if !found.converged || keeper.wants(found.iterations) {
         let motion = motion(model, bodies, clumps, (linear, angular));
@@ -291,7 +269,8 @@ fn keep(
 }
 
 /// Writes a solution into the step.
-fn write(model: &Model, scratch: &mut IslandScratch, members: &[u32]) {
+fn write(on: &mut On) {
+    let (model, scratch) = (on.task.model, &mut *on.scratch);
     let solve = &*scratch.solve;
     for (node, &body) in solve.bodies.iter().enumerate() {
         let v = &solve.u[NODE_DOF * node..NODE_DOF * (node + 1)];
@@ -299,7 +278,7 @@ fn write(model: &Model, scratch: &mut IslandScratch, members: &[u32]) {
         let correction = scratch.clumps.from_node(model, body, own);
         scratch.corrections.set(body, correction);
     }
-    for (slot, &m) in members.iter().enumerate() {
+    for (slot, &m) in on.island.contacts.iter().enumerate() {
         let rc = &solve.system.contacts[slot];
         let c = &mut scratch.contacts[m as usize];
         // The loads come first, and tell what rested.

@@ -1,12 +1,11 @@
 //! A lone contact of a sphere with a plane: both levels in closed form (`carom_solve::single`).
 
+use super::Task;
 use crate::contact::Contact;
 use crate::model::Model;
-use crate::outcome::Level;
 use crate::problem::Solve;
 use crate::rows::Rows;
-use crate::state::State;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use carom_solve::rows::{RowSystem, WORLD};
 use carom_solve::single::{SingleContact, SingleSolution};
 use carom_solve::SolveReport;
@@ -57,12 +56,8 @@ pub fn driven(c: &Contact, shape: DVec3, material: DVec3, rotation: DVec3) -> Co
 
 /// Measures of a contact's wall at t_n and t_{n+1}; 0 where it does not move.
 #[inline]
-pub fn wall_motion(
-    model: &Model,
-    state: &State,
-    scratch: &IslandScratch,
-    c: &Contact,
-) -> [ContactMeasures; 2] {
+pub fn wall_motion(on: &On, c: &Contact) -> [ContactMeasures; 2] {
+    let (scratch, Task { model, state, .. }) = (&*on.scratch, *on.task);
     if !scratch.walls.any_moves() {
         return [ContactMeasures::default(); 2];
     }
@@ -137,17 +132,16 @@ pub fn correction(model: &Model, c: &Contact, s: &SingleSolution) -> [DVec3; 2] 
 /// Keeps a problem that was solved in closed form: its measures `z` before the correction, multipliers, the motion
 /// before (linear, angular) and the correction.
 #[cold]
-#[allow(clippy::too_many_arguments)] // what the two levels have in common, and no more
 pub fn keep(
-    model: &Model,
-    scratch: &mut IslandScratch,
+    on: &mut On,
     member: u32,
-    (level, index): (Level, u32),
+    index: u32,
     z: &ContactMeasures,
     multiplier: [f64; 6],
     motion: [DVec3; 2],
     correction: [DVec3; 2],
 ) {
+    let (scratch, Task { model, level, .. }) = (&mut *on.scratch, *on.task);
     let c = scratch.contacts[member as usize];
     let i = c.a as usize;
     let mut system = RowSystem::default();

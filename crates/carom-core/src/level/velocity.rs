@@ -1,18 +1,16 @@
 //! Velocity sub-problem (eqs. 1f-h): one island of closed contacts, by the impact law of the run.
 
 use super::single::ContactMeasures;
-use super::{closed_form, single, Demand, Task};
+use super::{closed_form, single, Task};
 use crate::contact::Contact;
 use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::impact::law::Law;
-use crate::islands::Island;
 use crate::level::speeds::Speeds;
 use crate::model::Model;
 use crate::options::Impact;
-use crate::outcome::{ImpactRecord, Level};
+use crate::outcome::ImpactRecord;
 use crate::pile::limits::fits;
-use crate::report::StepReport;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use crate::{impact, pile};
 use carom_solve::rows::WORLD;
 use carom_solve::single::SingleSolution;
@@ -20,52 +18,41 @@ use carom_solve::{SolveReport, Status};
 use glam::DVec3;
 
 /// Solves one island of closed contacts; writes the corrections W of its bodies and `lambda` of its contacts.
-pub fn solve_island(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-) -> bool {
-    let Task { model, state, .. } = *task;
-    if let ([m], true) = (island.contacts, island.is_free()) {
+pub fn solve_island(on: &mut On) -> bool {
+    let Task { model, state, .. } = *on.task;
+    if let ([m], true) = (on.island.contacts, on.island.is_free()) {
         let m = *m;
-        let c = &scratch.contacts[m as usize];
+        let c = &on.scratch.contacts[m as usize];
         // As printed, restitution is not clipped: a contact that was separating may need a second problem.
         let printed = model.options.impact.is_printed();
         let separating = || {
-            let [old, _] = single::wall_motion(model, state, scratch, c);
+            let [old, _] = single::wall_motion(on, c);
             c.n0.dot(state.velocity[c.a as usize]) - old.normal > 0.0
         };
         let single = model.options.impact.has_closed_form();
         if single && closed_form(model, c) && !(printed && separating()) {
-            if scratch.walls.any_moves() {
-                solve_single::<true>(task, scratch, m, report);
+            if on.scratch.walls.any_moves() {
+                solve_single::<true>(on, m);
             } else {
-                solve_single::<false>(task, scratch, m, report);
+                solve_single::<false>(on, m);
             }
             return true;
         }
     }
-    if fits(model, island) {
-        let accept = task.demand == Demand::Accepted;
-        return pile::solve_velocities(task, scratch, island, report, accept);
+    if fits(model, on.island) {
+        return pile::solve_velocities(on);
     }
-    impact::rows::solve_island(task, scratch, island, report)
+    impact::rows::solve_island(on)
 }
 
 /// A lone sphere-plane contact: at most one impact problem, in closed form. `MOVING`: walls of this scene may move.
-fn solve_single<const MOVING: bool>(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    m: u32,
-    report: &mut StepReport,
-) {
-    let model = task.model;
-    let (options, c) = (&model.options, &scratch.contacts[m as usize]);
-    let (lone, still) = Lone::<MOVING>::of(task, scratch, c);
+fn solve_single<const MOVING: bool>(on: &mut On, m: u32) {
+    let options = &on.task.model.options;
+    let c = &on.scratch.contacts[m as usize];
+    let (lone, still) = Lone::<MOVING>::of(on, c);
     let (check, tol) = (lone.check.normal, lone.tol);
     if c.nu[0] > 0.0 && check > tol && c.gap_start > options.touching_tolerance * c.length {
-        report.missed_impacts += 1;
+        on.report.missed_impacts += 1;
     }
     let one_shot = options.impact == Impact::OneShot;
     if still || (!one_shot && check >= -tol) {
@@ -84,22 +71,22 @@ fn solve_single<const MOVING: bool>(
     // Nearly always: none.
     if options.energy_safeguard && law == Law::First && impact.2.iter().sum::<f64>() > 0.0 {
         (scale, impact) = lone.without_gain(impact);
-        report.restitution_scale = report.restitution_scale.min(scale);
+        on.report.restitution_scale = on.report.restitution_scale.min(scale);
     }
     let (s, jump, work) = impact;
     if s.normal == 0.0 {
         return;
     }
-    let kept = scratch.keeper.wants(1).then(|| lone.measures(law));
-    report.add_velocity(&SolveReport::CLOSED_FORM);
-    report.impact_problems = report.impact_problems.max(1);
-    scratch.corrections.set(c.a, jump);
+    let kept = on.scratch.keeper.wants(1).then(|| lone.measures(law));
+    on.report.add_velocity(&SolveReport::CLOSED_FORM);
+    on.report.impact_problems = on.report.impact_problems.max(1);
+    on.scratch.corrections.set(c.a, jump);
     let packed = single::pack(c, &s);
     let status = if s.slip { Status::Slip } else { Status::Stick };
     let motion = lone.motion;
     if !resting && (options.loads_once() || lone.minus_n < -tol) {
         let world = c.to_world(c.n1, &packed);
-        scratch.impacts.push(ImpactRecord {
+        on.scratch.impacts.push(ImpactRecord {
             problem: 1,
             a: c.a,
             b: c.b,
@@ -113,13 +100,12 @@ fn solve_single<const MOVING: bool>(
             course: None,
         });
     }
-    let target = &mut scratch.contacts[m as usize];
+    let target = &mut on.scratch.contacts[m as usize];
     target.lambda = packed;
     target.status = status;
     target.work = work;
     if let Some(z) = kept {
-        let at = (Level::Velocity, u32::from(!resting));
-        single::keep(model, scratch, m, at, &z, packed, motion, jump);
+        single::keep(on, m, u32::from(!resting), &z, packed, motion, jump);
     }
 }
 
@@ -154,8 +140,8 @@ type LoneImpact = (SingleSolution, [DVec3; 2], [f64; 4]);
 impl<'a, const MOVING: bool> Lone<'a, MOVING> {
     /// The contact as the step has it, and whether nothing moves and nothing pulls.
     #[inline(always)]
-    fn of(task: &Task<'a>, scratch: &IslandScratch, c: &'a Contact) -> (Self, bool) {
-        let Task { model, state, .. } = *task;
+    fn of(on: &On<'a, '_>, c: &'a Contact) -> (Self, bool) {
+        let (scratch, Task { model, state, .. }) = (&*on.scratch, *on.task);
         let i = c.a as usize;
         let motion = [scratch.linear[i].velocity, scratch.angular[i].velocity];
         let mut speeds = Speeds::default();
@@ -167,7 +153,7 @@ impl<'a, const MOVING: bool> Lone<'a, MOVING> {
             if let (Some(old), Some(new)) = (old, walls.end_twist(model, c, scratch.position[i])) {
                 speeds.add_wall(&old, &new);
             }
-            of_walls = single::wall_motion(model, state, scratch, c);
+            of_walls = single::wall_motion(on, c);
         }
         let [wall_old, wall] = of_walls;
         let load = speeds.load.max((wall.normal - wall_old.normal).abs());

@@ -4,12 +4,12 @@ use super::chunks;
 use super::closed_contact::{change, ClosedContact, FIXED};
 use super::roll;
 use super::velocities::Velocities;
-use crate::contact::Contact;
 use crate::impact::energy::{scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::model::Model;
 use crate::pile::limits::tolerance;
 use crate::pile::memory::Pile;
+use crate::workspace::On;
 use glam::DVec3;
 
 /// A solution of the problem at hand.
@@ -78,7 +78,8 @@ impl Pile {
     }
 
     /// Notes the work that the residual of the solution at hand explains at each chosen contact.
-    pub(super) fn explain(&mut self, model: &Model, contacts: &[Contact]) {
+    pub(super) fn explain(&mut self, on: &On) {
+        let (model, contacts) = (on.task.model, &*on.scratch.contacts);
         let (memory, u, moments) = (&self.velocity, &self.corrections, &self.moments);
         let (law, frame) = (self.law, self.frame);
         let impulses = &self.impulses;

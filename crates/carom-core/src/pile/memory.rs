@@ -1,14 +1,10 @@
-//! Memory of the pile solver, and how it takes an island in.
+//! Memory of the pile solver, and its way to the sweeps and back.
 
 use super::cascade::memory::CascadeMemory;
 use super::closed_contact::Frame;
 use super::velocities::Velocities;
 use super::{chunks, problem_nodes};
-use crate::contact::Contact;
 use crate::impact::law::Law;
-use crate::model::Model;
-use crate::pile::limits::{is_huge, threads};
-use crate::problem::Keeper;
 use carom_solve::spheres::{self, Body, Place, SpheresError, Sweeps};
 use glam::DVec3;
 use std::ops::Range;
@@ -55,8 +51,6 @@ pub struct Pile {
     pub(super) problem_nodes: problem_nodes::ProblemNodes,
     /// Bodies of the contacts.
     pub(super) ends: Vec<[u32; 2]>,
-    /// That of the step, while an island is solved.
-    pub(super) keeper: Keeper,
     /// Take what did not converge, and count it.
     pub(super) accept: bool,
     /// What sweeps do not solve is solved by its convex companion.
@@ -71,56 +65,6 @@ impl Pile {
             sweeps: Sweeps::empty(),
             ..Pile::default()
         }
-    }
-
-    /// Nodes for the spheres of an island, in order of first use; `node_of` is valid for these spheres afterwards.
-    pub(super) fn begin(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        members: &[u32],
-        node_of: &mut [u32],
-        position: &[DVec3],
-    ) {
-        let threads = threads(model, members.len());
-        self.sweeps.threads = threads;
-        self.huge = is_huge(contacts);
-        // Of the round before this one.
-        self.forget_solution();
-        self.problem_nodes.take_all();
-        chunks::refill(threads, &mut self.ends, members.len(), |k| {
-            let c = &contacts[members[k] as usize];
-            [c.a, c.b]
-        });
-        self.spheres.clear();
-        for &body in self.ends.iter().flatten() {
-            let i = body as usize;
-            if i < model.bodies() && self.spheres.get(node_of[i] as usize) != Some(&body) {
-                node_of[i] = self.spheres.len() as u32;
-                self.spheres.push(body);
-            }
-        }
-        let guide = |(node, &body): (u32, &u32)| {
-            let wall = model.free_wall(body as usize)?;
-            Some((node, wall.normal.to_array()))
-        };
-        self.guided.clear();
-        if !model.free_walls.is_empty() {
-            self.guided
-                .extend((0..).zip(&self.spheres).filter_map(guide));
-        }
-        let spheres = &self.spheres;
-        chunks::refill(threads, &mut self.bodies, spheres.len(), |k| {
-            let i = spheres[k] as usize;
-            Body {
-                inv_mass: model.inv_mass[i],
-                inv_inertia: model.inv_inertia[i],
-                radius: model.radius[i],
-            }
-        });
-        chunks::refill(threads, &mut self.places, spheres.len(), |k| {
-            position[spheres[k] as usize].to_array()
-        });
     }
 
     /// Makes the problem at hand the one of the sweeps, started from `start`.

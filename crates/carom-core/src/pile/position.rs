@@ -3,15 +3,12 @@
 
 use super::position_measures::Linearisation;
 use super::{chunks, problem_data};
-use crate::islands::Island;
 use crate::level::{position_floor, Demand, Task};
 use crate::model::Model;
-use crate::outcome::Level;
 use crate::pile::limits::{budget, told, worst, PATIENCE, WORST_CONTACT_FROM};
 use crate::pile::memory::Pile;
-use crate::report::StepReport;
 use crate::stepper::Span;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use carom_solve::ladder::COARSE_TOLERANCE;
 use carom_solve::spheres::{Goal, Progress};
 use carom_solve::team;
@@ -50,55 +47,37 @@ struct Swept {
 
 /// Solves one island along normals; writes the corrections U of its bodies and `nu` of its contacts. False: not converged, and nothing
 /// is written.
-pub fn solve_positions(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-    demand: Demand,
-) -> bool {
-    let (mut pile, members) = (std::mem::take(scratch.pile), island.contacts);
-    let node_of = &mut scratch.solve.node_of;
-    pile.begin(
-        task.model,
-        scratch.contacts,
-        members,
-        node_of,
-        scratch.position,
-    );
-    let swept = pile.sweep_positions(task, scratch, members, demand);
-    let solved = swept.is_some_and(|swept| {
+pub fn solve_positions(on: &mut On, demand: Demand) -> bool {
+    let mut pile = std::mem::take(on.scratch.pile);
+    pile.begin(on);
+    let solved = pile.sweep_positions(on, demand).is_some_and(|swept| {
         let Progress {
             converged, lenient, ..
         } = swept.progress;
-        report.fallbacks += u32::from(converged && lenient);
-        report.sweeps_position = report.sweeps_position.max(swept.sweeps as u32);
+        on.report.fallbacks += u32::from(converged && lenient);
+        on.report.sweeps_position = on.report.sweeps_position.max(swept.sweeps as u32);
         pile.take_solution();
-        if scratch.keeper.wants(swept.sweeps as u32) || !converged {
-            pile.keep_positions(task.model, scratch, members, &swept);
+        if on.scratch.keeper.wants(swept.sweeps as u32) || !converged {
+            pile.keep_positions(on, &swept);
         }
         if !converged && demand != Demand::Accepted {
             return false;
         }
-        report.add_position(&told(&swept.progress, swept.linearisations));
-        report.unconverged += u32::from(!converged);
-        pile.write_positions(scratch, members);
+        on.report
+            .add_position(&told(&swept.progress, swept.linearisations));
+        on.report.unconverged += u32::from(!converged);
+        pile.write_positions(on);
         true
     });
-    *scratch.pile = pile;
+    *on.scratch.pile = pile;
     solved
 }
 
 impl Pile {
     /// Sweeps and linearises in turns. Nothing: the problem has numbers that cannot be used.
-    fn sweep_positions(
-        &mut self,
-        task: &Task,
-        scratch: &IslandScratch,
-        members: &[u32],
-        demand: Demand,
-    ) -> Option<Swept> {
-        let Task { model, span, .. } = *task;
+    fn sweep_positions(&mut self, on: &On, demand: Demand) -> Option<Swept> {
+        let Task { model, span, .. } = *on.task;
+        let (scratch, members) = (&*on.scratch, on.island.contacts);
         let contacts = &*scratch.contacts;
         let of_load = |&m: &u32| contacts[m as usize].of_load(span.h);
         let of_loads: Vec<f64> = members.iter().map(of_load).collect();
@@ -204,15 +183,9 @@ impl Pile {
 
     /// Hands the problem at hand, with what was found, to the keeper.
     #[cold]
-    fn keep_positions(
-        &self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        members: &[u32],
-        swept: &Swept,
-    ) {
+    fn keep_positions(&self, on: &mut On, swept: &Swept) {
         let solved = self.impulses.iter().zip(&self.contacts);
-        let stated = members.iter().zip(solved);
+        let stated = on.island.contacts.iter().zip(solved);
         let stated = stated.map(|(&contact, (r, z))| problem_data::Stated {
             turn: DVec3::ZERO,
             moment: DVec3::ZERO,
@@ -222,7 +195,7 @@ impl Pile {
             slip: DVec3::from(z.slip),
             impulse: DVec3::from(*r),
         });
-        let (linear, angular) = (scratch.linear, scratch.angular);
+        let (linear, angular) = (on.scratch.linear, on.scratch.angular);
         let motion = self.spheres.iter().map(|&i| {
             let (linear, angular) = (&linear[i as usize], &angular[i as usize]);
             [linear.displacement, angular.displacement]
@@ -232,27 +205,19 @@ impl Pile {
             converged,
             ..
         } = swept.progress;
-        let at = problem_data::ProblemPlace {
-            model,
-            contacts: scratch.contacts,
-            spheres: &self.spheres,
-            bodies: &self.bodies,
-            level: Level::Position,
-            index: 0,
-            report: problem_data::report_of(swept.sweeps as u32, residual, converged),
-        };
+        let report = problem_data::report_of(swept.sweeps as u32, residual, converged);
         let (stated, motion): (Vec<_>, Vec<_>) = (stated.collect(), motion.collect());
-        problem_data::keep(scratch.keeper, &at, &stated, &self.corrections, &motion);
+        self.keep(on, (0, report), &stated, &self.corrections, &motion);
     }
 
     /// Writes the solution into the step.
-    fn write_positions(&self, scratch: &mut IslandScratch, members: &[u32]) {
+    fn write_positions(&self, on: &mut On) {
         for ((&i, u), &taken) in self.spheres.iter().zip(&self.corrections).zip(&self.taken) {
             let way = DVec3::new(u[0], u[1], u[2]) - taken;
             let correction = [way, DVec3::new(u[3], u[4], u[5])];
-            scratch.corrections.set(i, correction);
+            on.scratch.corrections.set(i, correction);
         }
-        let chunks = chunks::cut(members, scratch.contacts);
+        let chunks = chunks::cut(on.island.contacts, on.scratch.contacts);
         team::map(self.sweeps.threads, chunks, |mut chunk| {
             for (slot, &m) in (chunk.first..).zip(chunk.list) {
                 let c = chunk.item(m);

@@ -4,13 +4,12 @@ use super::closed_contact::ClosedContact;
 use super::record;
 use crate::clump::places::Clumps;
 use crate::contact::Contact;
-use crate::impact::law::Law;
-use crate::model::Model;
 use crate::outcome::Level;
 use crate::pile::memory::Pile;
 use crate::pile::velocities::Velocities;
-use crate::problem::{Keeper, Solve};
+use crate::problem::Solve;
 use crate::rows::Rows;
+use crate::workspace::On;
 use carom_solve::ladder;
 use carom_solve::rows::{RowSystem, NODE_DOF};
 use carom_solve::spheres::{Body, Progress};
@@ -29,60 +28,8 @@ pub struct Stated {
     pub moment: DVec3,
 }
 
-/// Where a problem stands.
-pub struct ProblemPlace<'a> {
-    pub model: &'a Model,
-    pub contacts: &'a [Contact],
-    pub spheres: &'a [u32],
-    pub bodies: &'a [Body],
-    pub level: Level,
-    pub index: u32,
-    pub report: SolveReport,
-}
-
-/// Hands a problem to the keeper: its rows in the frames at the normals, `correction` and `motion` of each node.
-pub fn keep(
-    keeper: &mut Keeper,
-    at: &ProblemPlace,
-    stated: &[Stated],
-    correction: &[[f64; NODE_DOF]],
-    motion: &[[DVec3; 2]],
-) {
-    let (system, contacts, multiplier) = rows(at.model, at.contacts, at.bodies, stated);
-    let correction = correction.concat();
-    let mut measures = vec![0.0; system.rows()];
-    system.linear_measures(&correction, &mut measures);
-    let motion: Vec<f64> = motion
-        .iter()
-        .flat_map(|[v, w]| [v.x, v.y, v.z, w.x, w.y, w.z])
-        .collect();
-    let members: Vec<u32> = (0..stated.len() as u32).collect();
-    keeper.keep(&Solve {
-        model: at.model,
-        contacts: &contacts,
-        clumps: &Clumps::default(),
-        members: &members,
-        spheres: at.spheres,
-        system: &system,
-        measures: &measures,
-        multiplier: &multiplier,
-        correction: &correction,
-        motion: &motion,
-        level: at.level,
-        index: at.index,
-        report: at.report,
-        attempts: &[],
-        worst: 0,
-    });
-}
-
 /// Rows of contacts in the frames at their normals, the contacts with these frames, and their impulses as multipliers.
-pub fn rows(
-    model: &Model,
-    all: &[Contact],
-    bodies: &[Body],
-    stated: &[Stated],
-) -> (RowSystem, Vec<Contact>, Vec<f64>) {
+pub fn rows(on: &On, bodies: &[Body], stated: &[Stated]) -> (RowSystem, Vec<Contact>, Vec<f64>) {
     let mut system = RowSystem::default();
     for body in bodies {
         system.push_node(1.0 / body.inv_mass, 1.0 / body.inv_inertia, body.radius);
@@ -90,10 +37,10 @@ pub fn rows(
     let mut rows = Rows::default();
     let (mut multiplier, mut contacts) = (Vec::new(), Vec::with_capacity(stated.len()));
     for s in stated {
-        let mut c = all[s.contact as usize];
+        let mut c = on.scratch.contacts[s.contact as usize];
         record::set_frame(&mut c, s.normal);
         (c.n0, c.n1) = (s.normal, s.normal);
-        let dim = c.rows(model, s.normal, &mut rows);
+        let dim = c.rows(on.task.model, s.normal, &mut rows);
         let z0 = record::packed(&c, s.normal, s.slip, s.turn);
         let r = record::packed(&c, s.normal, s.impulse, s.moment);
         multiplier.extend_from_slice(&r[..dim]);
@@ -127,38 +74,56 @@ impl Stated {
 
 impl Pile {
     /// Keeps a velocity problem whose solution has not yet been added, if it is wanted or was not solved.
-    pub(super) fn keep_velocity(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        law: Law,
-        index: u32,
-        progress: &Progress,
-    ) {
+    pub(super) fn keep_velocity(&mut self, on: &mut On, index: u32, progress: &Progress) {
         let sweeps = progress.sweeps as u32;
-        if progress.converged && !self.keeper.wants(sweeps) {
+        if progress.converged && !on.scratch.keeper.wants(sweeps) {
             return;
         }
         if self.contacts.is_empty() {
-            self.write(model, contacts, law);
+            self.write(on, self.law);
         }
         let stated = self.stated(&self.impulses, &self.moments);
-        let memory = &self.velocity;
-        let at = ProblemPlace {
-            model,
-            contacts,
-            spheres: &self.spheres,
-            bodies: &self.bodies,
-            level: Level::Velocity,
-            index,
-            report: report_of(sweeps, progress.residual, progress.converged),
-        };
-        let motion = memory.velocities();
-        keep(&mut self.keeper, &at, &stated, &self.corrections, &motion);
+        let motion = self.velocity.velocities();
+        let report = report_of(sweeps, progress.residual, progress.converged);
+        self.keep(on, (index, report), &stated, &self.corrections, &motion);
     }
-}
 
-impl Pile {
+    /// Hands a problem to the keeper: its rows in the frames at the normals, `correction` and `motion` of each node.
+    pub(super) fn keep(
+        &self,
+        on: &mut On,
+        (index, report): (u32, SolveReport),
+        stated: &[Stated],
+        correction: &[[f64; NODE_DOF]],
+        motion: &[[DVec3; 2]],
+    ) {
+        let (system, contacts, multiplier) = rows(on, &self.bodies, stated);
+        let correction = correction.concat();
+        let mut measures = vec![0.0; system.rows()];
+        system.linear_measures(&correction, &mut measures);
+        let motion = motion.iter().flatten().flat_map(DVec3::to_array);
+        on.scratch.keeper.keep(&Solve {
+            model: on.task.model,
+            contacts: &contacts,
+            clumps: &Clumps::default(),
+            members: &(0..stated.len() as u32).collect::<Vec<_>>(),
+            spheres: &self.spheres,
+            system: &system,
+            measures: &measures,
+            multiplier: &multiplier,
+            correction: &correction,
+            motion: &motion.collect::<Vec<_>>(),
+            level: match on.task.level {
+                Level::Position => Level::Position,
+                _ => Level::Velocity,
+            },
+            index,
+            report,
+            attempts: &[],
+            worst: 0,
+        });
+    }
+
     /// The chosen contacts as they stand in the problem at hand, with these impulses and moments.
     pub(super) fn stated(&self, impulses: &[[f64; 3]], moments: &[[f64; 3]]) -> Vec<Stated> {
         let memory = &self.velocity;

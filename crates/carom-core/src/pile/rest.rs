@@ -2,21 +2,19 @@
 
 use super::closed_contact::change;
 use super::{problem_data, roll};
-use crate::contact::Contact;
-use crate::impact::law::Law;
 use crate::level::rest;
-use crate::model::Model;
 use crate::pile::memory::Pile;
+use crate::workspace::On;
 use carom_solve::spheres::{Goal, Progress};
 
 impl Pile {
     /// Speed up to which all chosen contacts stay at rest, where they were so at t_n, and the position level left them so.
-    fn rests_below(&self, model: &Model, contacts: &[Contact]) -> Option<f64> {
+    fn rests_below(&self, on: &On) -> Option<f64> {
         let memory = &self.velocity;
-        let bounds = rest::rest_bounds(&model.options, memory.chosen.len())?;
+        let bounds = rest::rest_bounds(&on.task.model.options, memory.chosen.len())?;
         let at_rest = |&slot: &u32| {
             let m = &memory.closed[slot as usize];
-            if !contacts[m.contact as usize].rested {
+            if !on.scratch.contacts[m.contact as usize].rested {
                 return false;
             }
             let turn = memory.turning.get(slot as usize);
@@ -47,22 +45,20 @@ impl Pile {
     /// The solution at rest, where the one at hand moves what was so, or is none. Nothing: there is no other; the one at hand stays.
     pub(super) fn at_rest(
         &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        law: Law,
+        on: &On,
         goal: &Goal,
         progress: &Progress,
     ) -> Option<Progress> {
-        let bound = self.rests_below(model, contacts)?;
+        let bound = self.rests_below(on)?;
         if progress.converged && !self.sets_off(bound) {
             return None;
         }
         if self.contacts.is_empty() {
             // Given back since the scene is huge; this island is not.
-            self.write(model, contacts, law);
+            self.write(on, self.law);
         }
         let solved = (self.impulses.clone(), self.moments.clone());
-        if !self.start_held(model, contacts) {
+        if !self.start_held(on) {
             return None;
         }
         if self.load_sweeps().is_ok() {
@@ -81,7 +77,7 @@ impl Pile {
     }
 
     /// Starts from impulses that hold all chosen contacts. False: there are none.
-    fn start_held(&mut self, model: &Model, contacts: &[Contact]) -> bool {
+    fn start_held(&mut self, on: &On) -> bool {
         // Given back where the scene is huge.
         if self.start.is_empty() {
             self.start.clone_from(&self.impulses);
@@ -90,8 +86,7 @@ impl Pile {
             self.start_moments.clone_from(&self.moments);
         }
         let stated = self.stated(&self.start, &self.start_moments);
-        let (system, turned, mut lambda) =
-            problem_data::rows(model, contacts, &self.bodies, &stated);
+        let (system, turned, mut lambda) = problem_data::rows(on, &self.bodies, &stated);
         if !carom_solve::hold::hold(&system, &system.z0, |_, _| true, &mut lambda) {
             return false;
         }

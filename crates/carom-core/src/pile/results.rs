@@ -3,14 +3,12 @@
 use super::velocities::Velocities;
 use super::{chunks, record};
 use crate::contact::Contact;
-use crate::islands::Island;
 use crate::model::Model;
 use crate::outcome::ImpactRecord;
 use crate::pile::memory::Pile;
 use crate::pile::turning::Turning;
-use crate::report::StepReport;
 use crate::state::Warm;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use carom_solve::team;
 use glam::DVec3;
 
@@ -19,17 +17,12 @@ const CHUNKS_AT_A_TIME: usize = 64;
 
 impl Pile {
     /// Writes the loads of the island, and the jumps that they make.
-    pub(super) fn close_loads(
-        &self,
-        scratch: &mut IslandScratch,
-        island: Island,
-        resting: &[bool],
-    ) {
-        let memory = &self.velocity;
+    pub(super) fn close_loads(&self, on: &mut On, resting: &[bool]) {
+        let (memory, scratch) = (&self.velocity, &mut *on.scratch);
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);
         }
-        for (slot, (&index, &resting)) in island.contacts.iter().zip(resting).enumerate() {
+        for (slot, (&index, &resting)) in on.island.contacts.iter().zip(resting).enumerate() {
             let (m, c) = (&memory.closed[slot], &mut scratch.contacts[index as usize]);
             let moment = memory.turning.get(slot).map_or(DVec3::ZERO, |t| t.load);
             let middle = c.middle();
@@ -46,18 +39,13 @@ impl Pile {
     }
 
     /// Writes the island's result into the step's scratch.
-    pub(super) fn close(
-        &mut self,
-        model: &Model,
-        scratch: &mut IslandScratch,
-        island: Island,
-        report: &mut StepReport,
-    ) {
-        let memory = &self.velocity;
+    pub(super) fn close(&mut self, on: &mut On) {
+        let (memory, model) = (&self.velocity, on.task.model);
+        let (scratch, report) = (&mut *on.scratch, &mut *on.report);
         for (&body, jump) in self.spheres.iter().zip(&memory.jump) {
             scratch.corrections.set(body, *jump);
         }
-        let mut pieces = chunks::cut(island.contacts, scratch.contacts);
+        let mut pieces = chunks::cut(on.island.contacts, scratch.contacts);
         // Some at a time: what is found of millions of contacts is not held twice.
         while !pieces.is_empty() {
             let some = pieces.drain(..pieces.len().min(CHUNKS_AT_A_TIME)).collect();

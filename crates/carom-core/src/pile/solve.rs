@@ -3,7 +3,6 @@
 use super::closed_contact::{ClosedContact, Frame};
 use super::problem_data::{self, Stated};
 use super::{chunks, roll};
-use crate::contact::Contact;
 use crate::impact::compliant::{impulses, spring};
 use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
@@ -11,6 +10,7 @@ use crate::model::Model;
 use crate::pile::limits::{budget, finer, tolerance, worst, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
+use crate::workspace::On;
 use carom_solve::problem::Problem;
 use carom_solve::solver::{split, SPLIT_CONTACTS};
 use carom_solve::spheres::{self, Goal, Progress};
@@ -23,24 +23,17 @@ const RESCALE_SWEEPS: usize = 30;
 
 impl Pile {
     /// Solves the chosen contacts from `start` with all present impulses fixed.
-    pub(super) fn solve_chosen(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        law: Law,
-        problem: u32,
-        report: &mut StepReport,
-    ) -> Option<()> {
+    pub(super) fn solve_chosen(&mut self, on: &mut On, law: Law, problem: u32) -> Option<()> {
         let memory = &self.velocity;
         let (bodies, places) = (&self.bodies, &self.places);
         (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, places);
         self.scales.clear();
         self.law = law;
         self.frame = match problem {
-            0 => Frame::of_loads(&model.options),
+            0 => Frame::of_loads(&on.task.model.options),
             _ => Frame::End,
         };
-        self.write(model, contacts, law);
+        self.write(on, law);
         self.load_sweeps().ok()?;
         if law == Law::Expansion {
             let memory = &self.velocity;
@@ -49,42 +42,38 @@ impl Pile {
             self.sweeps.set_least(&least.collect::<Vec<_>>());
         }
         self.forget_contacts();
-        let goal = self.goal(model, problem);
-        let before = *report;
-        let mut progress = self.settle(model, contacts, &goal, report);
+        let goal = self.goal(on.task.model, problem);
+        let before = *on.report;
+        let mut progress = self.settle(on, &goal);
         self.take_solution();
         if problem <= 1 {
-            if let Some(held) = self.at_rest(model, contacts, law, &goal, &progress) {
+            if let Some(held) = self.at_rest(on, &goal, &progress) {
                 // What else was found is no part of the step.
-                *report = before;
-                report.fallbacks += u32::from(!progress.converged);
+                *on.report = before;
+                on.report.fallbacks += u32::from(!progress.converged);
+                on.report.residual_velocity = on.report.residual_velocity.max(held.residual);
                 progress = held;
-                report.residual_velocity = report.residual_velocity.max(held.residual);
             }
         }
         // The files of problems know no least impulses.
         if law != Law::Expansion {
-            self.keep_velocity(model, contacts, law, problem, &progress);
+            self.keep_velocity(on, problem, &progress);
         }
-        self.explain(model, contacts);
-        self.take(&progress, report)
+        self.explain(on);
+        self.take(&progress, on.report)
     }
 
     /// Solves the compression of Poisson's law on them, and keeps what their expansion has; whether any has restitution.
-    pub(super) fn compress(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        report: &mut StepReport,
-    ) -> Option<bool> {
+    pub(super) fn compress(&mut self, on: &mut On) -> Option<bool> {
+        let model = on.task.model;
         let (bodies, places) = (&self.bodies, &self.places);
         (self.problem_nodes).take(&self.velocity.closed, &self.velocity.chosen, bodies, places);
         (self.law, self.frame) = (Law::Compression, Frame::End);
-        self.write(model, contacts, self.law);
+        self.write(on, self.law);
         self.start_nothing();
         self.load_sweeps().ok()?;
         self.forget_contacts();
-        let progress = self.settle(model, contacts, &self.goal(model, 1), report);
+        let progress = self.settle(on, &self.goal(model, 1));
         self.take_solution();
         let (memory, bodies) = (&mut self.velocity, &self.bodies);
         let mut expands = false;
@@ -98,11 +87,12 @@ impl Pile {
             expands |= least > 0.0;
         }
         self.forget_solution();
-        self.take(&progress, report).map(|()| expands)
+        self.take(&progress, on.report).map(|()| expands)
     }
 
     /// Lets springs press the chosen contacts from the velocities of t_n on.
-    pub(super) fn press(&mut self, model: &Model, contacts: &[Contact]) -> bool {
+    pub(super) fn press(&mut self, on: &On) -> bool {
+        let model = on.task.model;
         let (memory, bodies) = (&self.velocity, &self.bodies);
         (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, &self.places);
         self.scales.clear();
@@ -112,7 +102,7 @@ impl Pile {
             Stated::of(m, memory.before(m), DVec3::ZERO, [DVec3::ZERO; 2])
         });
         let stated: Vec<Stated> = stated.collect();
-        let (rows, framed, _) = problem_data::rows(model, contacts, bodies, &stated);
+        let (rows, framed, _) = problem_data::rows(on, bodies, &stated);
         let springs: Vec<_> = framed.iter().map(|c| spring(model, c)).collect();
         let mut courses = Courses::new(model.courses);
         let Some(lambda) = impulses(&rows, &springs, &model.options, &mut courses) else {
@@ -146,35 +136,23 @@ impl Pile {
     }
 
     /// Solves them once more from nothing, without restitution.
-    pub(super) fn solve_without_restitution(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        problem: u32,
-        report: &mut StepReport,
-    ) -> Option<()> {
-        self.write(model, contacts, Law::Plastic);
+    pub(super) fn solve_without_restitution(&mut self, on: &mut On, problem: u32) -> Option<()> {
+        self.write(on, Law::Plastic);
         self.start_nothing();
         self.load_sweeps().ok()?;
         self.forget_contacts();
-        let progress = self.settle(model, contacts, &self.goal(model, problem), report);
+        let progress = self.settle(on, &self.goal(on.task.model, problem));
         self.take_solution();
-        self.take(&progress, report)
+        self.take(&progress, on.report)
     }
 
     /// Sweeps on to a finer solution of the problem at hand.
-    pub(super) fn solve_finely(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        problem: u32,
-        report: &mut StepReport,
-    ) {
-        let goal = finer(&self.goal(model, problem));
+    pub(super) fn solve_finely(&mut self, on: &mut On, problem: u32) {
+        let goal = finer(&self.goal(on.task.model, problem));
         let progress = self.sweeps.settle(&goal);
-        report.sweeps_velocity += progress.sweeps as u32;
+        on.report.sweeps_velocity += progress.sweeps as u32;
         self.take_solution();
-        self.explain(model, contacts);
+        self.explain(on);
     }
 
     /// Whether what was found is taken, solved or not.
@@ -208,18 +186,12 @@ impl Pile {
     }
 
     /// Sweeps; where these fail, alternating directions, and their convex companion if the step may take it.
-    fn settle(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        goal: &Goal,
-        report: &mut StepReport,
-    ) -> Progress {
+    fn settle(&mut self, on: &mut On, goal: &Goal) -> Progress {
         let mut progress = self.sweeps.settle(goal);
         let mut sweeps = progress.sweeps;
         if !progress.converged && self.law != Law::Expansion {
-            if let Some(found) = self.split(model, contacts, goal) {
-                report.fallbacks += 1;
+            if let Some(found) = self.split(on, goal) {
+                on.report.fallbacks += 1;
                 sweeps += found.sweeps;
                 progress = found;
             }
@@ -227,8 +199,9 @@ impl Pile {
         if !progress.converged && self.companion && self.law != Law::Expansion {
             progress = self.sweeps.settle_companion(goal);
             sweeps += progress.sweeps;
-            report.fallbacks += 1;
+            on.report.fallbacks += 1;
         }
+        let report = &mut *on.report;
         progress.sweeps = sweeps;
         report.sweeps_velocity += progress.sweeps as u32;
         report.residual_velocity = report.residual_velocity.max(progress.residual);
@@ -238,13 +211,13 @@ impl Pile {
 
     /// Solves the problem at hand by alternating directions ([`split`]) and sweeps, from the impulses that sweeps have left. Nothing, and the sweeps
     /// as they were: it is too large, or not solved so either.
-    fn split(&mut self, model: &Model, contacts: &[Contact], goal: &Goal) -> Option<Progress> {
+    fn split(&mut self, on: &On, goal: &Goal) -> Option<Progress> {
         if self.contacts.is_empty() || self.contacts.len() > SPLIT_CONTACTS {
             return None;
         }
         self.take_solution();
         let stated = self.stated(&self.impulses, &self.moments);
-        let (rows, framed, mut lambda) = problem_data::rows(model, contacts, &self.bodies, &stated);
+        let (rows, framed, mut lambda) = problem_data::rows(on, &self.bodies, &stated);
         let problem = Problem::from_rows(&rows, &rows.z0);
         split(&problem, goal.tolerance, &mut lambda);
         let before = (self.impulses.clone(), self.moments.clone());
@@ -261,7 +234,8 @@ impl Pile {
     }
 
     /// The chosen contacts as spheres.
-    pub(super) fn write(&mut self, model: &Model, contacts: &[Contact], law: Law) {
+    pub(super) fn write(&mut self, on: &On, law: Law) {
+        let (model, contacts) = (on.task.model, &*on.scratch.contacts);
         let (memory, frame) = (&self.velocity, self.frame);
         let (threads, part) = (self.sweeps.threads, &self.problem_nodes);
         chunks::refill(threads, &mut self.contacts, memory.chosen.len(), |k| {
@@ -286,7 +260,8 @@ impl Pile {
     }
 
     /// Adds the impulses of the solve at hand, and their work, to the totals; `once`: the loads of the step are solved once.
-    pub(super) fn commit(&mut self, contacts: &[Contact], problem: u32, once: bool) {
+    pub(super) fn commit(&mut self, on: &On, problem: u32, once: bool) {
+        let contacts = &*on.scratch.contacts;
         let (threads, frame) = (self.sweeps.threads, self.frame);
         let (impulses, moments, u) = (&self.impulses, &self.moments, &self.corrections);
         let scale = |m: &ClosedContact| self.scales.get(m.a as usize).copied().unwrap_or(1.0);

@@ -1,16 +1,16 @@
-//! What the problems of a pile start from.
+//! How a pile takes an island in, and what its problems start from.
 
 use super::chunks;
 use super::closed_contact::Frame;
 use super::velocities::Velocities;
 use super::warm::Cursor;
 use crate::contact::Contact;
-use crate::pile::limits::is_large;
+use crate::pile::limits::{is_huge, is_large, threads};
 use crate::pile::memory::Pile;
-use crate::state::State;
 use crate::stepper::Span;
-use carom_solve::team;
-use carom_solve::RowSystem;
+use crate::workspace::On;
+use carom_solve::spheres::Body;
+use carom_solve::{team, RowSystem};
 use glam::DVec3;
 
 /// Fewest contacts of an island whose impacts need so many layers that the impulses of the positions tell more of them than nothing does. Too
@@ -22,9 +22,56 @@ fn has_waves(contacts: usize) -> bool {
 }
 
 impl Pile {
+    /// Nodes for the spheres of an island, in order of first use; `node_of` is valid for these spheres afterwards.
+    pub(super) fn begin(&mut self, on: &mut On) {
+        let (model, members) = (on.task.model, on.island.contacts);
+        let (contacts, position) = (&*on.scratch.contacts, on.scratch.position);
+        let node_of = &mut on.scratch.solve.node_of;
+        let threads = threads(model, members.len());
+        self.sweeps.threads = threads;
+        self.huge = is_huge(contacts);
+        // Of the round before this one.
+        self.forget_solution();
+        self.problem_nodes.take_all();
+        chunks::refill(threads, &mut self.ends, members.len(), |k| {
+            let c = &contacts[members[k] as usize];
+            [c.a, c.b]
+        });
+        self.spheres.clear();
+        for &body in self.ends.iter().flatten() {
+            let i = body as usize;
+            if i < model.bodies() && self.spheres.get(node_of[i] as usize) != Some(&body) {
+                node_of[i] = self.spheres.len() as u32;
+                self.spheres.push(body);
+            }
+        }
+        let guide = |(node, &body): (u32, &u32)| {
+            let wall = model.free_wall(body as usize)?;
+            Some((node, wall.normal.to_array()))
+        };
+        self.guided.clear();
+        if !model.free_walls.is_empty() {
+            self.guided
+                .extend((0..).zip(&self.spheres).filter_map(guide));
+        }
+        let spheres = &self.spheres;
+        chunks::refill(threads, &mut self.bodies, spheres.len(), |k| {
+            let i = spheres[k] as usize;
+            Body {
+                inv_mass: model.inv_mass[i],
+                inv_inertia: model.inv_inertia[i],
+                radius: model.radius[i],
+            }
+        });
+        chunks::refill(threads, &mut self.places, spheres.len(), |k| {
+            position[spheres[k] as usize].to_array()
+        });
+    }
+
     /// The loads of the step on the chosen contacts: from those of the last one.
-    pub(super) fn start_loads(&mut self, state: &State, contacts: &[Contact], span: Span) {
-        let ratio = span.h / state.warm_step;
+    pub(super) fn start_loads(&mut self, on: &On) {
+        let (state, contacts) = (on.task.state, &*on.scratch.contacts);
+        let ratio = on.task.span.h / state.warm_step;
         let (closed, chosen) = (&self.velocity.closed, &self.velocity.chosen);
         let begin = |cursor: &mut Cursor, slot: u32| {
             let c = &contacts[closed[slot as usize].contact as usize];

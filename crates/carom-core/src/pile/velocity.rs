@@ -8,10 +8,8 @@ use crate::impact::energy::Admit;
 use crate::impact::law::Law;
 use crate::impact::laws;
 use crate::impact::sequence::{loads, ImpactIsland, Start};
-use crate::islands::Island;
 use crate::level::speeds::{opening, Speeds};
-use crate::level::{companion, Task};
-use crate::model::Model;
+use crate::level::{companion, Demand, Task};
 use crate::options::Problems;
 use crate::outcome::Level;
 use crate::pile::limits::{node, tolerance};
@@ -19,10 +17,7 @@ use crate::pile::memory::Pile;
 use crate::pile::turning::{any_rolls, Turning};
 use crate::pile::velocities::Velocities;
 use crate::report::StepReport;
-use crate::state::State;
-use crate::stepper::{Prediction, Span};
-use crate::wall::places::Walls;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use carom_solve::rows::WORLD;
 use carom_solve::team;
 use glam::DVec3;
@@ -30,36 +25,23 @@ use std::ops::Range;
 
 /// Solves the velocities of one island, or its loads before positions are; writes the corrections W of its bodies, `lambda` (of loads: `load`) of its
 /// contacts, impacts and warm starts. False: nothing is written.
-pub fn solve_velocities(
-    task: &Task,
-    scratch: &mut IslandScratch,
-    island: Island,
-    report: &mut StepReport,
-    accept: bool,
-) -> bool {
-    let mut pile = std::mem::take(scratch.pile);
-    pile.keeper = std::mem::take(scratch.keeper);
-    pile.accept = accept;
-    pile.companion = companion(&task.model.options, false).is_some();
-    let solved = pile.impacts(task, scratch, island, report);
-    *scratch.keeper = std::mem::take(&mut pile.keeper);
-    *scratch.pile = pile;
+pub fn solve_velocities(on: &mut On) -> bool {
+    let mut pile = std::mem::take(on.scratch.pile);
+    pile.accept = on.task.demand == Demand::Accepted;
+    pile.companion = companion(&on.task.model.options, false).is_some();
+    let solved = pile.impacts(on);
+    *on.scratch.pile = pile;
     solved
 }
 
 impl Pile {
-    fn impacts(
-        &mut self,
-        task: &Task,
-        scratch: &mut IslandScratch,
-        island: Island,
-        report: &mut StepReport,
-    ) -> bool {
-        let (model, state, span) = (task.model, task.state, task.span);
-        self.open(model, state, scratch, island, span);
+    fn impacts(&mut self, on: &mut On) -> bool {
+        let Task { model, level, .. } = *on.task;
+        self.open(on);
         if self.velocity.speed == 0.0 {
             return true;
         }
+        // Joined to the step's where the island is solved.
         let mut own = StepReport {
             restitution_scale: 1.0,
             iterations_velocity: 1,
@@ -67,62 +49,46 @@ impl Pile {
         };
         let mut spheres = SphereIsland {
             pile: self,
-            model,
-            state,
-            contacts: scratch.contacts,
-            linear: scratch.linear,
-            walls: scratch.walls,
-            span,
-            again: task.level == Level::Velocity && model.options.loads_once(),
-            report: &mut own,
+            again: level == Level::Velocity && model.options.loads_once(),
+            on: On {
+                task: on.task,
+                island: on.island,
+                scratch: on.scratch,
+                report: &mut own,
+            },
         };
-        if task.level == Level::Loads {
+        if level == Level::Loads {
             let Some([resting, _]) = loads(&mut spheres) else {
                 return false;
             };
-            report.join(&own);
-            self.close_loads(scratch, island, &resting);
+            on.report.join(&own);
+            self.close_loads(on, &resting);
             return true;
         }
         if !laws::solve(model.options.impact, &mut spheres) {
             return false;
         }
-        report.join(&own);
-        self.close(model, scratch, island, report);
+        on.report.join(&own);
+        self.close(on);
         true
     }
 
     /// Collects the island.
-    fn open(
-        &mut self,
-        model: &Model,
-        state: &State,
-        scratch: &mut IslandScratch,
-        island: Island,
-        span: Span,
-    ) {
-        let (contacts, list): (&[Contact], _) = (scratch.contacts, island.contacts);
-        let node_of = &mut scratch.solve.node_of;
-        self.begin(model, contacts, list, node_of, scratch.position);
+    fn open(&mut self, on: &mut On) {
+        self.begin(on);
         self.velocity.known.clear();
-        self.velocity.table.begin(model.every_impact);
+        self.velocity.table.begin(on.task.model.every_impact);
         self.velocity.terms = 0.0;
         let mut speeds = Speeds::default();
-        self.take_contacts(model, state, scratch, list, &mut speeds);
-        self.take_motion(model, state, scratch, &mut speeds);
-        self.set_tolerances(model, &speeds, span);
+        self.take_contacts(on, &mut speeds);
+        self.take_motion(on, &mut speeds);
+        self.set_tolerances(on.task, &speeds);
     }
 
     /// The closed contacts, with the velocities of walls that move.
-    fn take_contacts(
-        &mut self,
-        model: &Model,
-        state: &State,
-        scratch: &IslandScratch,
-        list: &[u32],
-        speeds: &mut Speeds,
-    ) {
-        let (contacts, walls) = (&*scratch.contacts, scratch.walls);
+    fn take_contacts(&mut self, on: &On, speeds: &mut Speeds) {
+        let (scratch, Task { model, state, .. }) = (&*on.scratch, *on.task);
+        let (contacts, walls, list) = (&*scratch.contacts, scratch.walls, on.island.contacts);
         let (memory, once) = (&mut self.velocity, model.options.loads_once());
         let twists = |c: &Contact| {
             let from = state.position[c.a as usize];
@@ -175,14 +141,9 @@ impl Pile {
     }
 
     /// Velocities of the spheres.
-    fn take_motion(
-        &mut self,
-        model: &Model,
-        state: &State,
-        scratch: &IslandScratch,
-        speeds: &mut Speeds,
-    ) {
-        let (linear, angular) = (scratch.linear, scratch.angular);
+    fn take_motion(&mut self, on: &On, speeds: &mut Speeds) {
+        let Task { model, state, .. } = *on.task;
+        let (linear, angular) = (on.scratch.linear, on.scratch.angular);
         let (threads, memory) = (self.sweeps.threads, &mut self.velocity);
         let (spheres, nodes) = (&self.spheres, self.spheres.len());
         chunks::refill(threads, &mut memory.check, nodes, |k| {
@@ -213,7 +174,8 @@ impl Pile {
     }
 
     /// What counts as closing, and the floor of residuals, by the speeds of the island.
-    fn set_tolerances(&mut self, model: &Model, speeds: &Speeds, span: Span) {
+    fn set_tolerances(&mut self, task: &Task, speeds: &Speeds) {
+        let Task { model, span, .. } = *task;
         let o = &model.options;
         let share = o.touching_tolerance / span.h;
         let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
@@ -242,8 +204,10 @@ impl Pile {
     }
 
     /// Forgets the impulses of the loads at the chosen contacts; the kept ones' work is restated.
-    fn drop_chosen(&mut self, model: &Model, contacts: &[Contact]) {
-        let (threads, frame) = (self.sweeps.threads, Frame::of_loads(&model.options));
+    fn drop_chosen(&mut self, on: &On) {
+        let contacts = &*on.scratch.contacts;
+        let options = &on.task.model.options;
+        let (threads, frame) = (self.sweeps.threads, Frame::of_loads(options));
         let memory = &mut self.velocity;
         for &slot in &memory.chosen {
             let closed_contact = &mut memory.closed[slot as usize];
@@ -269,20 +233,14 @@ impl Pile {
 }
 
 /// The island in its impact problems.
-struct SphereIsland<'p> {
+struct SphereIsland<'p, 'r, 's> {
     pile: &'p mut Pile,
-    model: &'p Model,
-    state: &'p State,
-    contacts: &'p [Contact],
-    linear: &'p [Prediction],
-    walls: &'p Walls,
-    span: Span,
+    on: On<'r, 's>,
     /// The loads have been solved before positions were.
     again: bool,
-    report: &'p mut StepReport,
 }
 
-impl ImpactIsland for SphereIsland<'_> {
+impl ImpactIsland for SphereIsland<'_, '_, '_> {
     type Solution = SphereSolution;
 
     fn slots(&self) -> usize {
@@ -294,15 +252,16 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn speed_before(&self, slot: usize) -> f64 {
-        if self.model.options.loads_once() {
-            return opening(self.model, self.state, self.walls, self.contact(slot));
+        let Task { model, state, .. } = *self.on.task;
+        if model.options.loads_once() {
+            return opening(model, state, self.on.scratch.walls, self.contact(slot));
         }
         let (velocity, m) = (&self.pile.velocity, &self.pile.velocity.closed[slot]);
         velocity.before(m).dot(m.normal)
     }
 
     fn contact(&self, slot: usize) -> &Contact {
-        &self.contacts[self.pile.velocity.closed[slot].contact as usize]
+        &self.on.scratch.contacts[self.pile.velocity.closed[slot].contact as usize]
     }
 
     fn again(&self) -> bool {
@@ -329,51 +288,55 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn solve(&mut self, law: Law, problem: u32, start: Start) -> bool {
-        let (model, linear, state) = (self.model, self.linear, self.state);
+        let Task {
+            model, state, span, ..
+        } = *self.on.task;
+        let contacts = &*self.on.scratch.contacts;
         match start {
             Start::Nothing => self.pile.start_nothing(),
             Start::Loads => self.pile.start_first(),
-            Start::LastLoads if self.again => self.pile.start_known_loads(self.contacts),
+            Start::LastLoads if self.again => self.pile.start_known_loads(contacts),
             Start::LastLoads => {
-                self.pile.start_loads(state, self.contacts, self.span);
+                self.pile.start_loads(&self.on);
+                let linear = self.on.scratch.linear;
                 let gained = |i: usize| (linear[i].velocity - state.velocity[i]).length();
                 let of_walls = self.pile.velocity.wall_load;
                 (self.pile).start_sound(|i| model.mass[i] * gained(i).max(of_walls));
             }
-            Start::Positions => self.pile.start_last(self.contacts, self.span),
+            Start::Positions => self.pile.start_last(contacts, span),
         }
         let mut chosen = self.pile.velocity.chosen.iter();
         let closed = self.again
-            || self.model.options.impact.has_loads_first()
+            || model.options.impact.has_loads_first()
             || chosen.any(|&slot| self.approaches(slot as usize));
         self.pile.velocity.table.begin_problem(problem, closed);
         if law == Law::Springs {
-            return self.pile.press(self.model, self.contacts);
+            return self.pile.press(&self.on);
         }
         (self.pile)
-            .solve_chosen(model, self.contacts, law, problem, self.report)
+            .solve_chosen(&mut self.on, law, problem)
             .is_some()
     }
 
     fn solve_without_restitution(&mut self, problem: u32) -> bool {
         (self.pile)
-            .solve_without_restitution(self.model, self.contacts, problem, self.report)
+            .solve_without_restitution(&mut self.on, problem)
             .is_some()
     }
 
     fn compress(&mut self) -> Option<bool> {
-        self.pile.compress(self.model, self.contacts, self.report)
+        self.pile.compress(&mut self.on)
     }
 
     fn add(&mut self, problem: u32) {
-        self.report.impact_problems += 1;
-        let o = &self.model.options;
+        self.on.report.impact_problems += 1;
+        let o = &self.on.task.model.options;
         let all = o.loads_once() || !o.impact.is_newtons();
-        self.pile.commit(self.contacts, problem, all);
+        self.pile.commit(&self.on, problem, all);
     }
 
     fn has_safeguard(&self) -> bool {
-        self.model.options.energy_safeguard
+        self.on.task.model.options.energy_safeguard
     }
 
     fn limits(&self, with: Option<&SphereSolution>, admit: Admit) -> Option<Vec<f64>> {
@@ -381,11 +344,11 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn tolerance(&self) -> f64 {
-        tolerance(self.model)
+        tolerance(self.on.task.model)
     }
 
     fn solve_finely(&mut self, problem: u32) {
-        (self.pile).solve_finely(self.model, self.contacts, problem, self.report);
+        self.pile.solve_finely(&mut self.on, problem);
     }
 
     fn take_solution(&mut self) -> SphereSolution {
@@ -401,11 +364,11 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn drop_chosen(&mut self) {
-        self.pile.drop_chosen(self.model, self.contacts);
+        self.pile.drop_chosen(&self.on);
     }
 
     fn forget_all(&mut self, problem: u32) {
-        self.report.impact_problems -= 1;
+        self.on.report.impact_problems -= 1;
         self.pile.forget_all(problem);
     }
 
@@ -418,23 +381,23 @@ impl ImpactIsland for SphereIsland<'_> {
     }
 
     fn gains_energy(&self) -> bool {
-        self.pile.gains_energy(self.model)
+        self.pile.gains_energy(self.on.task.model)
     }
 
     fn later(&mut self, _: Law, first: u32) -> Option<bool> {
-        let (last, done) = self.pile.cascade(self.model, self.contacts, self.report);
+        let (last, done) = self.pile.cascade(&mut self.on);
         if last >= first {
             self.pile.velocity.table.begin_problem(last, true);
-            self.report.impact_problems += last + 1 - first;
+            self.on.report.impact_problems += last + 1 - first;
         }
         Some(done)
     }
 
     fn bounds(&self) -> Problems {
-        self.model.options.problems(self.slots())
+        self.on.task.model.options.problems(self.slots())
     }
 
     fn report(&mut self) -> &mut StepReport {
-        self.report
+        self.on.report
     }
 }

@@ -1,24 +1,21 @@
 //! Loads on what is at rest: the solution that leaves it there, where there is one ([`crate::level::rest`]).
 
-use crate::contact::Contact;
 use crate::impact::memory::ImpactScratch;
-use crate::impact::on::On;
 use crate::level::rest;
-use crate::model::Model;
-use crate::workspace::IslandScratch;
+use crate::workspace::{IslandScratch, On};
 use carom_solve::ladder::{Attempt, HELD};
 use carom_solve::rows::{Measured, RowContact};
 
 impl ImpactScratch {
     /// Speed up to which the problem at hand is at rest, where all of it was so at t_n, and the position level left it so.
-    pub(super) fn rests_below(&self, model: &Model, contacts: &[Contact]) -> Option<f64> {
-        let bounds = rest::rest_bounds(&model.options, self.sub.contacts.len())?;
+    pub(super) fn rests_below(&self, on: &On) -> Option<f64> {
+        let bounds = rest::rest_bounds(&on.task.model.options, self.sub.contacts.len())?;
         if self.sub.has_load() {
             return None;
         }
         let mut old = [0.0; 6];
         let rested = |slot: &usize| {
-            if !contacts[self.members[*slot] as usize].rested {
+            if !on.scratch.contacts[self.members[*slot] as usize].rested {
                 return false;
             }
             let c = &self.full.contacts[*slot];
@@ -69,7 +66,7 @@ impl ImpactScratch {
         }
         (self.lambda, self.u, self.last) = before;
         // Residual rows and measures are those of the solution again.
-        let options = self.newton_options(on.model);
+        let options = self.newton_options(on.task.model);
         let newton = &mut on.scratch.solve.newton;
         newton.judge(
             &mut self.sub,

@@ -6,7 +6,6 @@ use crate::impact::coupled::CoupledVelocities;
 use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
-use crate::impact::on::On;
 use crate::level::coupling::Trial;
 use crate::level::speeds::closing_left;
 use crate::level::{newton_options, worst_group};
@@ -14,6 +13,7 @@ use crate::model::Model;
 use crate::outcome::Level;
 use crate::problem::Solve;
 use crate::rows::along;
+use crate::workspace::On;
 use carom_solve::ladder::COARSE_TOLERANCE;
 use carom_solve::rows::{Measured, RowContact, Subproblem, NODE_DOF};
 use carom_solve::{Beside, NewtonOptions};
@@ -45,7 +45,7 @@ impl ImpactScratch {
         self.set_velocities(law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
-        self.build(on.model, on.scratch.contacts, law);
+        self.build(on, law);
         if !self.solve_stated(on, problem, warm) {
             return false;
         }
@@ -59,11 +59,11 @@ impl ImpactScratch {
 
     /// Solves the compression of Poisson's law on the chosen contacts, and keeps what their expansion has; whether any has restitution.
     pub(in crate::impact) fn compress(&mut self, on: &mut On) -> Option<bool> {
-        let model = on.model;
+        let model = on.task.model;
         self.law = Law::Compression;
         self.along_middle = false;
         self.velocity.clone_from(&self.v_old);
-        self.build(model, on.scratch.contacts, self.law);
+        self.build(on, self.law);
         // An impact takes no time, in which loads could answer it.
         let loads = std::mem::take(&mut self.loads);
         let load = std::mem::take(&mut self.sub.load);
@@ -89,11 +89,11 @@ impl ImpactScratch {
 
     /// Lets springs press the chosen contacts from the velocities of t_n on. Joints and loads answer the impulses.
     pub(in crate::impact) fn press(&mut self, on: &mut On) -> bool {
-        let model = on.model;
+        let model = on.task.model;
         (self.law, self.along_middle) = (Law::Springs, false);
         self.velocity.clone_from(&self.v_old);
         let contacts: &[Contact] = on.scratch.contacts;
-        self.build(model, contacts, Law::Compression);
+        self.build(on, Law::Compression);
         let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
         let springs: Vec<_> = self.chosen.iter().map(of).collect();
         let mut courses = Courses::new(model.courses);
@@ -106,7 +106,7 @@ impl ImpactScratch {
         self.set_velocities(self.law);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
-        self.build(model, contacts, Law::Plastic);
+        self.build(on, Law::Plastic);
         self.lambda = lambda;
         self.balance();
         self.explained.clear();
@@ -121,14 +121,14 @@ impl ImpactScratch {
         for (v, u) in self.velocity.iter_mut().zip(&self.u) {
             *v += u;
         }
-        self.build(on.model, on.scratch.contacts, Law::Plastic);
+        self.build(on, Law::Plastic);
         let solved = self.solve_built(on, 1, None);
         let (joints, load) = (take(&mut self.lambda), take(&mut self.sub.load));
         let first = lambda.len() - joints.len();
         lambda[first..].copy_from_slice(&joints);
         self.chosen = chosen;
         self.set_velocities(self.law);
-        self.build(on.model, on.scratch.contacts, Law::Plastic);
+        self.build(on, Law::Plastic);
         (self.lambda, self.sub.load) = (lambda, load);
         self.balance();
         solved
@@ -155,7 +155,7 @@ impl ImpactScratch {
         on: &mut On,
         problem: u32,
     ) -> bool {
-        self.build(on.model, on.scratch.contacts, Law::Plastic);
+        self.build(on, Law::Plastic);
         self.solve_built(on, problem, None)
     }
 
@@ -164,7 +164,7 @@ impl ImpactScratch {
         let resting = match self.law {
             Law::Printed => None,
             _ if problem > 1 => None,
-            _ => self.rests_below(on.model, on.scratch.contacts),
+            _ => self.rests_below(on),
         };
         let accept = self.accept_unconverged && !self.law.has_restitution();
         let resting = resting.map(|bound| (bound, on.snapshot()));
@@ -215,7 +215,8 @@ impl ImpactScratch {
     }
 
     /// Rows of the chosen contacts with their free measures `z0`.
-    pub(in crate::impact) fn build(&mut self, model: &Model, contacts: &[Contact], law: Law) {
+    pub(in crate::impact) fn build(&mut self, on: &On, law: Law) {
+        let (model, contacts) = (on.task.model, &*on.scratch.contacts);
         let mut sub = std::mem::take(&mut self.sub);
         sub.clear();
         sub.inv_mass.extend_from_slice(&self.full.inv_mass);
@@ -350,7 +351,7 @@ impl ImpactScratch {
         problem: u32,
         warm: Option<&[f64]>,
     ) -> bool {
-        let model = on.model;
+        let model = on.task.model;
         self.lambda.clear();
         self.lambda.resize(self.sub.rows(), 0.0);
         if let Some(start) = warm {
@@ -387,7 +388,7 @@ impl ImpactScratch {
     /// Hands the problem at hand, with what was found, to the keeper.
     #[cold]
     fn keep(&mut self, on: &mut On, index: u32) {
-        let (model, scratch) = (on.model, &mut *on.scratch);
+        let (model, scratch) = (on.task.model, &mut *on.scratch);
         let members: Vec<u32> = self.chosen.iter().map(|&slot| self.members[slot]).collect();
         let (mut multiplier, mut correction) = (self.lambda.clone(), self.u.clone());
         if !multiplier.iter().chain(&correction).all(|x| x.is_finite()) {

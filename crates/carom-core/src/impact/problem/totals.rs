@@ -4,9 +4,7 @@ use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::impact::table::ImpactRow;
-use crate::model::Model;
-use crate::report::StepReport;
-use crate::workspace::IslandScratch;
+use crate::workspace::On;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::Status;
 
@@ -85,17 +83,12 @@ impl ImpactScratch {
     }
 
     /// Takes the loads of the chosen contacts as they are.
-    pub(in crate::impact) fn take_loads(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        loads: &[f64],
-    ) {
+    pub(in crate::impact) fn take_loads(&mut self, on: &On, loads: &[f64]) {
         (self.law, self.along_middle) = (Law::Plastic, true);
         self.set_velocities(Law::Plastic);
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
-        self.build(model, contacts, Law::Plastic);
+        self.build(on, Law::Plastic);
         self.lambda.clear();
         self.lambda.extend_from_slice(loads);
         self.sub.impulses(&self.lambda, &mut self.force);
@@ -104,15 +97,16 @@ impl ImpactScratch {
     }
 
     /// Writes the loads of the island, and the jumps that they make.
-    pub(in crate::impact) fn give_loads(&self, model: &Model, scratch: &mut IslandScratch) {
+    pub(in crate::impact) fn give_loads(&self, on: &mut On) {
         for (slot, &m) in self.members.iter().enumerate() {
-            let c = &mut scratch.contacts[m as usize];
+            let c = &mut on.scratch.contacts[m as usize];
             c.load = self.packed_load(slot);
         }
-        self.give_jumps(model, scratch);
+        self.give_jumps(on);
     }
 
-    fn give_jumps(&self, model: &Model, scratch: &mut IslandScratch) {
+    fn give_jumps(&self, on: &mut On) {
+        let (model, scratch) = (on.task.model, &mut *on.scratch);
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
             let at = NODE_DOF * node..NODE_DOF * (node + 1);
             let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
@@ -178,10 +172,11 @@ impl ImpactScratch {
     }
 
     /// Writes the island's result into the step's scratch.
-    pub fn finish(&mut self, model: &Model, scratch: &mut IslandScratch, report: &mut StepReport) {
+    pub fn finish(&mut self, on: &mut On) {
+        self.give_jumps(on);
+        let (model, scratch, report) = (on.task.model, &mut *on.scratch, &mut *on.report);
         report.impact_problems = report.impact_problems.max(self.problems);
         report.restitution_scale = report.restitution_scale.min(self.table.least_scale());
-        self.give_jumps(model, scratch);
         self.finish_joints(model, scratch);
         let of = |slot: usize| {
             let c = &scratch.contacts[self.members[slot] as usize];

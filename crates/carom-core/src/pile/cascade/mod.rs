@@ -11,14 +11,12 @@ mod contact_graph;
 pub(super) mod memory;
 
 use super::{chunks, problem_data};
-use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::model::Model;
 use crate::options::Problems;
-use crate::outcome::Level;
 use crate::pile::memory::Pile;
 use crate::pile::velocities::Velocities;
-use crate::report::StepReport;
+use crate::workspace::On;
 use batch::{Batch, View};
 use carom_solve::team::{self, lock};
 use clusters::Clusters;
@@ -47,11 +45,9 @@ const EARLY_PART: u32 = 3;
 const EARLY_WORK: u64 = 6;
 
 /// A cascade on its way: what all threads read while they solve and look, and one writes in between.
-struct Cascade<'a> {
+struct Cascade<'a, 'r, 's> {
     pile: &'a mut Pile,
-    model: &'a Model,
-    contacts: &'a [Contact],
-    report: &'a mut StepReport,
+    on: &'a mut On<'r, 's>,
     graph: ContactGraph,
     clusters: Clusters,
     chosen: Vec<u32>,
@@ -69,12 +65,8 @@ struct Cascade<'a> {
 impl Pile {
     /// Problems 2, 3, ... until nothing closes: the number of the last one, and whether nothing closes (otherwise the bound of the
     /// sequence was reached, or would be, or a cluster could not be solved: a fallback).
-    pub(super) fn cascade(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        report: &mut StepReport,
-    ) -> (u32, bool) {
+    pub(super) fn cascade(&mut self, on: &mut On) -> (u32, bool) {
+        let o = &on.task.model.options;
         let (velocity, all_threads) = (&self.velocity, self.sweeps.threads);
         let mut closes = Vec::new();
         chunks::refill(all_threads, &mut closes, velocity.closed.len(), |slot| {
@@ -83,24 +75,20 @@ impl Pile {
         });
         let all = 0..velocity.closed.len() as u32;
         let first: Vec<u32> = all.filter(|&slot| closes[slot as usize]).collect();
-        let bounds = model.options.problems(velocity.closed.len());
+        let bounds = o.problems(velocity.closed.len());
         if first.is_empty() || bounds.most < 2 {
             return (1, first.is_empty());
         }
         let mut memory = std::mem::take(&mut self.cascade);
         (memory.graph).open(&self.velocity, &self.bodies, all_threads);
         memory.clusters.open(self.bodies.len());
-        let threads = (model.options.threads as usize)
-            .min(first.len() / PER_THREAD)
-            .max(1);
+        let threads = (o.threads as usize).min(first.len() / PER_THREAD).max(1);
         let tasks = threads * BATCHES_PER_THREAD;
         memory.batches.resize_with(tasks, Mutex::default);
         memory.closing.resize_with(threads, Mutex::default);
         let mut cascade = Cascade {
             pile: self,
-            model,
-            contacts,
-            report,
+            on,
             graph: memory.graph,
             clusters: memory.clusters,
             chosen: first,
@@ -148,12 +136,16 @@ impl Pile {
     }
 }
 
-impl Cascade<'_> {
+impl Cascade<'_, '_, '_> {
     /// Cuts the chosen contacts into clusters, and these into batches.
     fn cut(&mut self, problem: u32, batches: usize) {
-        if self.pile.keeper.wants(1) {
+        if self.on.scratch.keeper.wants(1) {
             self.show();
-            self.before = Some(self.pile.velocity.state_of(self.model, &self.chosen));
+            self.before = Some(
+                self.pile
+                    .velocity
+                    .state_of(self.on.task.model, &self.chosen),
+            );
         }
         self.solved += self.chosen.len() as u64;
         self.clusters.cut(&mut self.graph, &self.chosen, problem);
@@ -175,7 +167,7 @@ impl Cascade<'_> {
             _ => 0..0,
         };
         let view = View {
-            model: self.model,
+            model: self.on.task.model,
             velocity: &self.pile.velocity,
             bodies: &self.pile.bodies,
             graph: &self.graph,
@@ -191,7 +183,7 @@ impl Cascade<'_> {
         let velocity = &mut self.pile.velocity;
         for batch in batches {
             let batch = lock(batch);
-            let report = &mut self.report;
+            let report = &mut *self.on.report;
             report.residual_velocity = report.residual_velocity.max(batch.residual);
             pushed |= batch.pushed;
             failed += batch.failed;
@@ -214,12 +206,11 @@ impl Cascade<'_> {
         }
         if let Some(before) = self.before.take() {
             self.show();
-            let (model, contacts) = (self.model, self.contacts);
-            (self.pile).keep_round(model, contacts, problem, &self.chosen, before);
+            (self.pile).keep_round(self.on, problem, &self.chosen, before);
         }
         // What is not solved here, and what goes nowhere, ends the sequence.
         if failed > 0 || !pushed {
-            self.report.fallbacks += u32::from(failed > 0);
+            self.on.report.fallbacks += u32::from(failed > 0);
             self.outcome = Some((problem, false));
         }
     }
@@ -313,14 +304,7 @@ impl Velocities {
 impl Pile {
     /// Keeps a problem of the cascade: all its clusters as one. (Restitution that the safeguard scaled is stated unscaled.)
     #[cold]
-    fn keep_round(
-        &mut self,
-        model: &Model,
-        contacts: &[Contact],
-        index: u32,
-        chosen: &[u32],
-        before: Before,
-    ) {
+    fn keep_round(&mut self, on: &mut On, index: u32, chosen: &[u32], before: Before) {
         let velocity = &self.velocity;
         let stated: Vec<problem_data::Stated> = chosen
             .iter()
@@ -346,16 +330,8 @@ impl Pile {
                 [v.x, v.y, v.z, w.x, w.y, w.z]
             })
             .collect();
-        let at = problem_data::ProblemPlace {
-            model,
-            contacts,
-            spheres: &self.spheres,
-            bodies: &self.bodies,
-            level: Level::Velocity,
-            index,
-            report: problem_data::report_of(1, 0.0, true),
-        };
-        problem_data::keep(&mut self.keeper, &at, &stated, &correction, &before.motion);
+        let report = problem_data::report_of(1, 0.0, true);
+        self.keep(on, (index, report), &stated, &correction, &before.motion);
     }
 }
 
