@@ -88,11 +88,6 @@ pub struct Recorder {
     /// Of the walls, the same.
     pub open_walls: Vec<[DVec3; 2]>,
     drop_impacts: bool,
-    /// Normals of the free walls, the last bodies; clumps are between balls and these.
-    free_walls: Vec<DVec3>,
-    clumps: usize,
-    /// Whether balls come and go.
-    flows: bool,
 }
 
 /// A point to which a recorder can go back.
@@ -111,9 +106,6 @@ impl Recorder {
             open_joints: vec![[DVec3::ZERO; 2]; model.joints.len()],
             open_walls: vec![[DVec3::ZERO; 2]; model.recorded_walls()],
             drop_impacts: model.drop_impacts,
-            free_walls: model.free_walls.iter().map(|w| w.normal).collect(),
-            clumps: model.clumps.len(),
-            flows: !model.flow.is_none(),
             ..Recorder::default()
         }
     }
@@ -203,16 +195,13 @@ impl Recorder {
 
     /// Closes a frame: state and the contacts since the last one.
     pub fn add_frame(&mut self, model: &Model, state: &State, time: f64) {
-        let (b, n) = (
-            &mut self.block,
-            state.position.len() - self.free_walls.len() - self.clumps,
-        );
+        let (b, n) = (&mut self.block, model.balls());
         b.frame_step.push(state.step);
         b.frame_time.push(time);
         if model.deformation.is_some() {
             b.periodic.extend(model.periodic_at(time));
         }
-        if self.flows {
+        if !model.flow.is_none() {
             b.present.extend_from_slice(&state.present[..n]);
         }
         for i in 0..n {
@@ -227,12 +216,16 @@ impl Recorder {
         for w in &state.angular_velocity[..n] {
             b.angular_velocity.extend(w.to_array());
         }
-        for (normal, i) in self.free_walls.iter().zip(n + self.clumps..) {
+        for (wall, i) in model.free_walls.iter().zip(model.first_wall()..) {
             let along = [state.position[i], state.velocity[i]];
-            b.free_walls.extend(along.map(|v| v.dot(*normal)));
+            b.free_walls.extend(along.map(|v| v.dot(wall.normal)));
         }
-        for i in n..n + self.clumps {
-            b.clumps.extend(clump_row(state, i));
+        for i in n..model.first_wall() {
+            let (x, q) = (state.seen(i), state.orientation[i]);
+            b.clumps.extend(x.to_array());
+            b.clumps.extend([q.w, q.x, q.y, q.z]);
+            let motion = [state.velocity[i], state.angular_velocity[i]];
+            b.clumps.extend(motion.iter().flat_map(DVec3::to_array));
         }
         for (open, flat) in [
             (&mut self.open_joints, &mut b.joints),
@@ -246,15 +239,6 @@ impl Recorder {
         b.contacts.append(&mut self.open);
         b.contact_end.push(b.contacts.len() as u64);
     }
-}
-
-/// The motion of a clump, body `i`, as frames have it.
-pub fn clump_row(state: &State, i: usize) -> [f64; 13] {
-    let (x, q) = (state.seen(i), state.orientation[i]);
-    let (v, w) = (state.velocity[i], state.angular_velocity[i]);
-    [
-        x.x, x.y, x.z, q.w, q.x, q.y, q.z, v.x, v.y, v.z, w.x, w.y, w.z,
-    ]
 }
 
 fn add(c: &Contact, record: &mut ContactRecord) {

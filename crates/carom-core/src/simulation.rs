@@ -218,6 +218,13 @@ impl Simulation {
         std::mem::take(&mut self.recorder.block)
     }
 
+    /// A frame of the present state, alone in a block.
+    pub fn frame(&self) -> Block {
+        let mut alone = Recorder::default();
+        alone.add_frame(&self.model, &self.state, self.time());
+        alone.block
+    }
+
     fn one_step(&mut self, recording: Recording) -> Result<(), Failure> {
         let number = self.state.step + 1;
         let time = number as f64 * self.model.options.step;

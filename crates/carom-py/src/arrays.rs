@@ -1,6 +1,7 @@
 //! Arrays in and out. Vectors are moved into NumPy, never copied element by element in Python.
 
 use crate::ModelError;
+use glam::DVec3;
 use numpy::ndarray::ArrayView;
 use numpy::{
     PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, ToPyArray,
@@ -39,6 +40,12 @@ pub fn rows<const K: usize>(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<Ve
         .into_iter()
         .map(|r| std::array::from_fn(|k| r[k]))
         .collect())
+}
+
+/// Vectors of three numbers.
+pub fn vectors(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<DVec3>> {
+    let rows = rows::<3>(dict, name)?;
+    Ok(rows.into_iter().map(DVec3::from).collect())
 }
 
 /// Non-negative integers of any integer type.

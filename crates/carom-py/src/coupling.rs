@@ -59,6 +59,16 @@ pub(crate) fn list<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Vec<B
     }
 }
 
+/// What is read of each dict of a list that may be left out.
+pub(crate) fn each<'py, T>(
+    dict: &Bound<'py, PyDict>,
+    name: &str,
+    read: impl Fn(&Bound<'py, PyDict>) -> PyResult<T>,
+) -> PyResult<Vec<T>> {
+    let listed = list(dict, name)?;
+    listed.iter().map(|value| read(value.cast()?)).collect()
+}
+
 /// Laws in place of numbers of contact laws: `friction_law`, `restitution_law`.
 pub fn contact_laws(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<Option<Scalar>>> {
     list(dict, name)?
@@ -68,10 +78,7 @@ pub fn contact_laws(dict: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<Option
 }
 
 pub fn joints(dict: &Bound<'_, PyDict>, radius: &[f64]) -> PyResult<Vec<Joint>> {
-    list(dict, "joints")?
-        .iter()
-        .map(|value| joint(value.cast::<PyDict>()?, radius))
-        .collect()
+    each(dict, "joints", |given| joint(given, radius))
 }
 
 fn joint(dict: &Bound<'_, PyDict>, radius: &[f64]) -> PyResult<Joint> {
@@ -107,10 +114,7 @@ fn joint(dict: &Bound<'_, PyDict>, radius: &[f64]) -> PyResult<Joint> {
 
 /// Loads of a model of so many balls.
 pub fn loads(dict: &Bound<'_, PyDict>, balls: usize) -> PyResult<Vec<Arc<dyn Load>>> {
-    list(dict, "loads")?
-        .iter()
-        .map(|value| load(value.cast::<PyDict>()?, balls))
-        .collect()
+    each(dict, "loads", |given| load(given, balls))
 }
 
 fn load(dict: &Bound<'_, PyDict>, balls: usize) -> PyResult<Arc<dyn Load>> {

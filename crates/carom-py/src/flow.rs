@@ -1,7 +1,7 @@
 //! Periodic boxes, and balls that come and go, from optional keys of the model; their tables and state.
 
 use crate::arrays::{self, item, put, Table};
-use crate::coupling::{law, list, refuse, vector};
+use crate::coupling::{each, law, list, refuse, vector};
 use crate::walls::wish;
 use carom_core::deformation::law::Deformation;
 use carom_core::flow::{Event, Inflow, Outlet, Region};
@@ -38,26 +38,22 @@ pub fn deformation(dict: &Bound<'_, PyDict>) -> PyResult<Option<Deformation>> {
 
 /// `{"bodies": (first, count), "region": ..., "rate", "start", "velocity", "spread", "seed"}`, of clumps with `"turned"`.
 pub fn inflows(dict: &Bound<'_, PyDict>) -> PyResult<Vec<Inflow>> {
-    list(dict, "inflow")?
-        .iter()
-        .map(|value| {
-            let given = value.cast::<PyDict>()?;
-            let (first, count): (u32, u32) = item(given, "bodies")?.extract()?;
-            let number = |name: &str| -> PyResult<f64> { item(given, name)?.extract() };
-            let wanted = item(given, "region")?;
-            Ok(Inflow {
-                first,
-                count,
-                region: region(wanted.cast::<PyTuple>()?)?,
-                rate: number("rate")?,
-                start: number("start")?,
-                velocity: vector(&item(given, "velocity")?)?,
-                spread: number("spread")?,
-                turned: wish(given, "turned")?,
-                seed: item(given, "seed")?.extract()?,
-            })
+    each(dict, "inflow", |given| {
+        let (first, count): (u32, u32) = item(given, "bodies")?.extract()?;
+        let number = |name: &str| -> PyResult<f64> { item(given, name)?.extract() };
+        let wanted = item(given, "region")?;
+        Ok(Inflow {
+            first,
+            count,
+            region: region(wanted.cast::<PyTuple>()?)?,
+            rate: number("rate")?,
+            start: number("start")?,
+            velocity: vector(&item(given, "velocity")?)?,
+            spread: number("spread")?,
+            turned: wish(given, "turned")?,
+            seed: item(given, "seed")?.extract()?,
         })
-        .collect()
+    })
 }
 
 /// `("box", low, high)` or `("disc", centre, normal, radius)`.

@@ -9,12 +9,11 @@ use crate::state::{
     monitor_arrays, monitors_from, put_kept, put_kinematics, put_pairs, read_open, read_pairs,
     read_state,
 };
-use crate::tables::{outcome_dict, put_block, put_impulses, put_transitions};
+use crate::tables::{outcome_dict, put_block, put_impulses, put_motion, put_transitions};
 use crate::ModelError;
 use carom_core::model::ContactLaw;
 use carom_core::options::Method;
 use carom_core::problem::Steps;
-use carom_core::record::clump_row;
 use carom_core::report::Spread;
 use carom_core::{Model, Recording};
 use carom_penalty::{damping, law};
@@ -60,40 +59,7 @@ impl Simulation {
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         out.set_item("time", self.inner.time())?;
-        let (state, model) = (&self.inner.state, &self.inner.model);
-        let n = model.balls();
-        put_kinematics(&out, state, n)?;
-        if !model.flow.is_none() {
-            let places = (0..n).flat_map(|i| state.seen(i).to_array()).collect();
-            put::<f64>(&out, "position", places, &[n, 3])?;
-            put(&out, "present", state.present[..n].to_vec(), &[n])?;
-        }
-        if !model.free_walls.is_empty() {
-            let walls = (model.first_wall()..).zip(&model.free_walls);
-            let along = walls.flat_map(|(i, wall)| {
-                [state.position[i], state.velocity[i]].map(|v| v.dot(wall.normal))
-            });
-            put::<f64>(
-                &out,
-                "free_walls",
-                along.collect(),
-                &[model.free_walls.len(), 2],
-            )?;
-        }
-        if !model.clumps.is_empty() {
-            let rows = model
-                .numbered_clumps()
-                .flat_map(|(i, _)| clump_row(state, i));
-            put::<f64>(&out, "clumps", rows.collect(), &[model.clumps.len(), 13])?;
-        }
-        if model.deformation.is_some() {
-            put::<f64>(
-                &out,
-                "box",
-                model.periodic_at(self.inner.time()).to_vec(),
-                &[4],
-            )?;
-        }
+        put_motion(&out, &self.inner.model, &mut self.inner.frame(), &[])?;
         Ok(out)
     }
 
@@ -155,7 +121,7 @@ impl Simulation {
         let s = &self.inner.state;
         let out = PyDict::new(py);
         put(&out, "step", vec![s.step], &[1])?;
-        put_kinematics(&out, s, s.position.len())?;
+        put_kinematics(&out, s)?;
         flow::put_state(&out, &self.inner.model, s)?;
         put_pairs(&out, "pseudo", &s.pseudo)?;
         put_pairs(&out, "acceleration", &s.acceleration)?;

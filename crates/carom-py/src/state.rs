@@ -80,14 +80,12 @@ impl Kept<20> for ContactRecord {
     }
 }
 
-/// Places and velocities of the first `n` bodies.
-pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State, n: usize) -> PyResult<()> {
-    let vectors = |name: &str, all: &[DVec3]| {
-        let records = &all[..n];
-        Table { out, records }.rows(name, DVec3::to_array)
-    };
+/// Places and velocities of all bodies.
+pub fn put_kinematics(out: &Bound<'_, PyDict>, s: &State) -> PyResult<()> {
+    let vectors =
+        |name: &str, records: &[DVec3]| Table { out, records }.rows(name, DVec3::to_array);
     vectors("position", &s.position)?;
-    let records = &s.orientation[..n];
+    let records = &s.orientation[..];
     Table { out, records }.rows("orientation", |q| [q.w, q.x, q.y, q.z])?;
     vectors("velocity", &s.velocity)?;
     vectors("angular_velocity", &s.angular_velocity)
@@ -166,12 +164,7 @@ pub fn read_pairs(state: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<[DVec3;
 
 /// The arrays of a state, of whatever model: [`State::check`] says whether it is one of this.
 pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
-    let vectors = |name: &str| -> PyResult<Vec<DVec3>> {
-        Ok(arrays::rows::<3>(state, name)?
-            .into_iter()
-            .map(DVec3::from)
-            .collect())
-    };
+    let vectors = |name: &str| arrays::vectors(state, name);
     let warm_step = arrays::floats(state, "warm_step")?
         .first()
         .copied()

@@ -9,6 +9,7 @@ use carom_core::{Model, Outcome, StepReport};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
+use std::mem::take;
 
 pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, PyDict>> {
     let out = dict! { py,
@@ -34,10 +35,9 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
     Ok(out)
 }
 
-pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<()> {
+pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, mut b: Block) -> PyResult<()> {
     let py = out.py();
-    let (n, joints, walls) = (model.balls(), model.joints.len(), model.recorded_walls());
-    let free = model.free_walls.len();
+    let (joints, walls) = (model.joints.len(), model.recorded_walls());
     let tables = ["contacts", "impacts", "steps", "residuals"].map(|_| PyDict::new(py));
     let [contacts, impacts, steps, residuals] = &tables;
     put_contacts(contacts, model, &b.contacts)?;
@@ -53,25 +53,9 @@ pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<(
     put_residuals(residuals, &b.residuals)?;
 
     let (f, frames) = (b.frame_step.len(), PyDict::new(py));
-    put(&frames, "step", b.frame_step, &[f])?;
-    put(&frames, "time", b.frame_time, &[f])?;
-    put(&frames, "position", b.position, &[f, n, 3])?;
-    // Also in a block without frames: its columns are those of the run. The events are put before.
-    if out.contains("events")? {
-        put(&frames, "present", b.present, &[f, n])?;
-    }
-    put(&frames, "orientation", b.orientation, &[f, n, 4])?;
-    put(&frames, "velocity", b.velocity, &[f, n, 3])?;
-    put(&frames, "angular_velocity", b.angular_velocity, &[f, n, 3])?;
-    if free > 0 {
-        put(&frames, "free_walls", b.free_walls, &[f, free, 2])?;
-    }
-    if !model.clumps.is_empty() {
-        put(&frames, "clumps", b.clumps, &[f, model.clumps.len(), 13])?;
-    }
-    if model.deformation.is_some() {
-        put(&frames, "box", b.periodic, &[f, 4])?;
-    }
+    put(&frames, "step", take(&mut b.frame_step), &[f])?;
+    put(&frames, "time", take(&mut b.frame_time), &[f])?;
+    put_motion(&frames, model, &mut b, &[f])?;
     if joints > 0 {
         put(&frames, "joint_impulse", b.joints, &[f, joints, 6])?;
     }
@@ -84,6 +68,46 @@ pub fn put_block(out: &Bound<'_, PyDict>, model: &Model, b: Block) -> PyResult<(
     out.set_item("impacts", impacts)?;
     out.set_item("steps", steps)?;
     out.set_item("residuals", residuals)
+}
+
+/// Places and velocities of the bodies and the box, in the columns of a run whatever its frames hold: taken from the block, for
+/// `frames` in the first dimension, or for a single one in none.
+pub fn put_motion(
+    out: &Bound<'_, PyDict>,
+    model: &Model,
+    b: &mut Block,
+    frames: &[usize],
+) -> PyResult<()> {
+    let n = model.balls();
+    let put_rows = |name: &str, values: &mut Vec<f64>, shape: &[usize]| {
+        put(out, name, take(values), &[frames, shape].concat())
+    };
+    put_rows("position", &mut b.position, &[n, 3])?;
+    if !model.flow.is_none() {
+        put(
+            out,
+            "present",
+            take(&mut b.present),
+            &[frames, &[n]].concat(),
+        )?;
+    }
+    put_rows("orientation", &mut b.orientation, &[n, 4])?;
+    put_rows("velocity", &mut b.velocity, &[n, 3])?;
+    put_rows("angular_velocity", &mut b.angular_velocity, &[n, 3])?;
+    if !model.free_walls.is_empty() {
+        put_rows(
+            "free_walls",
+            &mut b.free_walls,
+            &[model.free_walls.len(), 2],
+        )?;
+    }
+    if !model.clumps.is_empty() {
+        put_rows("clumps", &mut b.clumps, &[model.clumps.len(), 13])?;
+    }
+    if model.deformation.is_some() {
+        put_rows("box", &mut b.periodic, &[4])?;
+    }
+    Ok(())
 }
 
 /// The table of transitions of methods that have them; -1 for a body where none had a part.

@@ -1,7 +1,7 @@
 //! Walls and their motions, from lists of dicts and tuples.
 
-use crate::arrays::{ids, item, rows};
-use crate::coupling::{law, list, refuse, three_laws, vector};
+use crate::arrays::{ids, item, vectors};
+use crate::coupling::{each, law, list, refuse, three_laws, vector};
 use carom_core::clump::body::ClumpInput;
 use carom_core::wall::{Ball, Cone, Cylinder, Disc, Mesh, Rectangle, Shape};
 use carom_core::wall::{FreeWallInput, Side, WallMotion, WallRotation};
@@ -12,16 +12,12 @@ use std::sync::Arc;
 
 /// Shapes behind the planes, each with its material.
 pub fn walls(dict: &Bound<'_, PyDict>) -> PyResult<Vec<(Shape, u32)>> {
-    list(dict, "walls")?
-        .iter()
-        .map(|value| {
-            let wall = value.cast::<PyDict>()?;
-            let point = vector(&item(wall, "point")?)?;
-            let given = item(wall, "shape")?;
-            let material: u32 = item(wall, "material")?.extract()?;
-            Ok((shape(point, given.cast::<PyTuple>()?)?, material))
-        })
-        .collect()
+    each(dict, "walls", |wall| {
+        let point = vector(&item(wall, "point")?)?;
+        let given = item(wall, "shape")?;
+        let material: u32 = item(wall, "material")?.extract()?;
+        Ok((shape(point, given.cast::<PyTuple>()?)?, material))
+    })
 }
 
 fn shape(point: DVec3, given: &Bound<'_, PyTuple>) -> PyResult<Shape> {
@@ -76,10 +72,7 @@ pub fn meshes(dict: &Bound<'_, PyDict>) -> PyResult<Vec<(Arc<Mesh>, DVec3, u32)>
         .enumerate()
         .map(|(k, value)| {
             let given = value.cast::<PyDict>()?;
-            let vertices: Vec<DVec3> = rows::<3>(given, "vertices")?
-                .into_iter()
-                .map(DVec3::from)
-                .collect();
+            let vertices = vectors(given, "vertices")?;
             let corners = ids(given, "triangles")?;
             let corners: Vec<[u32; 3]> = corners
                 .chunks_exact(3)
@@ -137,23 +130,19 @@ fn motion(given: &Bound<'_, PyDict>) -> PyResult<WallMotion> {
 
 /// Free walls: `{"wall": index among all walls, "mass", "velocity", "weighs", "force": law of time}`.
 pub fn free_walls(dict: &Bound<'_, PyDict>) -> PyResult<Vec<FreeWallInput>> {
-    list(dict, "free_walls")?
-        .iter()
-        .map(|value| {
-            let given = value.cast::<PyDict>()?;
-            Ok(FreeWallInput {
-                wall: item(given, "wall")?.extract()?,
-                mass: item(given, "mass")?.extract()?,
-                velocity: item(given, "velocity")?.extract()?,
-                weighs: item(given, "weighs")?.extract()?,
-                force: law(&item(given, "force")?)?,
-                area: match given.get_item("area")? {
-                    Some(sides) => Some(area(&sides)?),
-                    None => None,
-                },
-            })
+    each(dict, "free_walls", |given| {
+        Ok(FreeWallInput {
+            wall: item(given, "wall")?.extract()?,
+            mass: item(given, "mass")?.extract()?,
+            velocity: item(given, "velocity")?.extract()?,
+            weighs: item(given, "weighs")?.extract()?,
+            force: law(&item(given, "force")?)?,
+            area: match given.get_item("area")? {
+                Some(sides) => Some(area(&sides)?),
+                None => None,
+            },
         })
-        .collect()
+    })
 }
 
 /// Two sides, `("period", axis)` or `("between", wall, wall)`.
@@ -172,23 +161,19 @@ fn area(sides: &Bound<'_, PyAny>) -> PyResult<[Side; 2]> {
 
 /// Clumps: `{"balls": (first, stop), "mass", "inertia", "position", "orientation", "velocity", "angular_velocity"}`.
 pub fn clumps(dict: &Bound<'_, PyDict>) -> PyResult<Vec<ClumpInput>> {
-    list(dict, "clumps")?
-        .iter()
-        .map(|value| {
-            let given = value.cast::<PyDict>()?;
-            let (first, stop): (usize, usize) = item(given, "balls")?.extract()?;
-            let three = |name| item(given, name)?.extract::<[f64; 3]>();
-            Ok(ClumpInput {
-                balls: first..stop,
-                mass: item(given, "mass")?.extract()?,
-                inertia: three("inertia")?,
-                position: three("position")?,
-                orientation: item(given, "orientation")?.extract()?,
-                velocity: three("velocity")?,
-                angular_velocity: three("angular_velocity")?,
-            })
+    each(dict, "clumps", |given| {
+        let (first, stop): (usize, usize) = item(given, "balls")?.extract()?;
+        let three = |name| item(given, name)?.extract::<[f64; 3]>();
+        Ok(ClumpInput {
+            balls: first..stop,
+            mass: item(given, "mass")?.extract()?,
+            inertia: three("inertia")?,
+            position: three("position")?,
+            orientation: item(given, "orientation")?.extract()?,
+            velocity: three("velocity")?,
+            angular_velocity: three("angular_velocity")?,
         })
-        .collect()
+    })
 }
 
 /// A wish that is `False` where it is not given.
