@@ -164,12 +164,7 @@ impl LinearStep {
         self.du0.resize(NODE_DOF * system.nodes(), 0.0);
         for (node, u) in at.u.chunks_exact(NODE_DOF).enumerate() {
             for k in 0..NODE_DOF {
-                let inverse = if k < 3 {
-                    system.inv_mass[node]
-                } else {
-                    system.inv_inertia[node]
-                };
-                self.du0[NODE_DOF * node + k] = -u[k] / inverse;
+                self.du0[NODE_DOF * node + k] = -u[k] / system.inverse(node, k);
             }
         }
         for (f, b) in self.du0.iter_mut().zip(&system.load) {
@@ -360,10 +355,10 @@ impl LinearStep {
 
 /// The diagonal `M`.
 fn mass_entries(system: &RowSystem, out: &mut Vec<(u32, u32, f64)>) {
-    for (node, (im, ii)) in system.inv_mass.iter().zip(&system.inv_inertia).enumerate() {
+    for node in 0..system.nodes() {
         for k in 0..NODE_DOF {
             let at = (NODE_DOF * node + k) as u32;
-            out.push((at, at, 1.0 / if k < 3 { im } else { ii }));
+            out.push((at, at, 1.0 / system.inverse(node, k)));
         }
     }
 }

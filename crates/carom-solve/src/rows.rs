@@ -56,6 +56,26 @@ impl RowContact {
         }
     }
 
+    /// Entries of `-weight (1 - n n^T - f f^T)` over its nodes, with `per_node` degrees of freedom each: how a force along the normal changes as it
+    /// turns.
+    pub fn turning(&self, weight: f64, per_node: usize, mut add: impl FnMut(usize, usize, f64)) {
+        let nodes = [(self.node_a, 1.0), (self.node_b, -1.0)];
+        let there = || nodes.iter().filter(|(node, _)| *node != WORLD);
+        for (node_r, sign_r) in there() {
+            for (node_s, sign_s) in there() {
+                for i in 0..3 {
+                    for j in 0..3 {
+                        let [n, f] = [self.normal, self.flat].map(|v| v[i] * v[j]);
+                        let k = f64::from(i == j) - n - f;
+                        let at = |node: u32, k: usize| per_node * node as usize + k;
+                        let value = -sign_r * sign_s * weight * k;
+                        add(at(*node_r, i), at(*node_s, j), value);
+                    }
+                }
+            }
+        }
+    }
+
     /// A row over its nodes, on `u`.
     #[inline]
     pub fn along(&self, row: &[[f64; NODE_DOF]; 2], u: &[f64]) -> f64 {
@@ -158,11 +178,7 @@ impl RowSystem {
         };
         for &(row, column, value) in &self.load_tangent {
             let (row, column) = (row as usize, column as usize);
-            let node = row / NODE_DOF;
-            let inverse = match row % NODE_DOF {
-                0..3 => self.inv_mass[node],
-                _ => self.inv_inertia[node],
-            };
+            let inverse = self.inverse(row / NODE_DOF, row % NODE_DOF);
             sums[row] += inverse * value.abs() * scale(row) / scale(column);
         }
         sums.into_iter().fold(0.0, f64::max)
@@ -176,6 +192,17 @@ impl RowSystem {
     #[inline]
     pub fn rows(&self) -> usize {
         self.jac.len()
+    }
+
+    /// 1/m or 1/I, as degree of freedom `k` of a node has it.
+    #[inline]
+    pub fn inverse(&self, node: usize, k: usize) -> f64 {
+        let of = if k < 3 {
+            &self.inv_mass
+        } else {
+            &self.inv_inertia
+        };
+        of[node]
     }
 
     /// Adds a node; returns its index.
@@ -194,13 +221,9 @@ impl RowSystem {
             if node == WORLD {
                 continue;
             }
-            let inverse = [
-                self.inv_mass[node as usize],
-                self.inv_inertia[node as usize],
-            ];
             let u = &mut u[NODE_DOF * node as usize..][..NODE_DOF];
             for (k, u) in u.iter_mut().enumerate() {
-                *u += inverse[k / 3] * self.jac[row][side][k] * impulse;
+                *u += self.inverse(node as usize, k) * self.jac[row][side][k] * impulse;
             }
         }
     }

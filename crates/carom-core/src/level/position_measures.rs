@@ -49,27 +49,11 @@ impl Positions<'_> {
                     own.iter_mut().zip(row).for_each(|(b, g)| *b -= of_load * g);
                 }
             }
-            let weight = of_load * c.curvature;
-            let sides = [(c.node_a, weight), (c.node_b, -weight)];
-            for (node_r, weight) in sides.into_iter().filter(|side| side.0 != WORLD) {
-                for (node_s, sign) in [(c.node_a, 1.0), (c.node_b, -1.0)] {
-                    if node_s == WORLD || weight == 0.0 {
-                        continue;
-                    }
-                    for i in 0..3 {
-                        for j in 0..3 {
-                            let k = f64::from(u8::from(i == j))
-                                - c.normal[i] * c.normal[j]
-                                - c.flat[i] * c.flat[j];
-                            let at = |node: u32, k: usize| NODE_DOF as u32 * node + k as u32;
-                            system.load_tangent.push((
-                                at(node_r, i),
-                                at(node_s, j),
-                                sign * weight * k,
-                            ));
-                        }
-                    }
-                }
+            if of_load * c.curvature != 0.0 {
+                c.turning(-of_load * c.curvature, NODE_DOF, |row, col, value| {
+                    let entry = (row as u32, col as u32, value);
+                    system.load_tangent.push(entry);
+                });
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::iterate::Iterate;
 use crate::direct::dense::{chol_factor, chol_solve, lu_factor, lu_solve};
-use crate::rows::{RowContact, RowSystem, NODE_DOF, WORLD};
+use crate::rows::{RowContact, RowSystem, NODE_DOF};
 
 /// Factor of `Mt = M - sum phi_N K - db/du`.
 #[derive(Default)]
@@ -34,24 +34,9 @@ pub(super) fn curvature(
     c: &RowContact,
     at: &Iterate,
     per_node: usize,
-    mut add: impl FnMut(usize, usize, f64),
+    add: impl FnMut(usize, usize, f64),
 ) {
-    let weight = at.phi[c.row as usize] * c.curvature;
-    let nodes = [(c.node_a, 1.0), (c.node_b, -1.0)];
-    for (node_r, sign_r) in nodes.iter().filter(|(node, _)| *node != WORLD) {
-        for (node_s, sign_s) in nodes.iter().filter(|(node, _)| *node != WORLD) {
-            for i in 0..3 {
-                for j in 0..3 {
-                    let k = f64::from(i == j) - c.normal[i] * c.normal[j] - c.flat[i] * c.flat[j];
-                    let (row, col) = (
-                        per_node * *node_r as usize + i,
-                        per_node * *node_s as usize + j,
-                    );
-                    add(row, col, -sign_r * sign_s * weight * k);
-                }
-            }
-        }
-    }
+    c.turning(at.phi[c.row as usize] * c.curvature, per_node, add);
 }
 
 impl Mass {
@@ -76,12 +61,7 @@ impl Mass {
         }
         for node in 0..system.nodes() {
             for k in 0..per_node {
-                let inverse = if k < 3 {
-                    system.inv_mass[node]
-                } else {
-                    system.inv_inertia[node]
-                };
-                self.matrix[(per_node * node + k) * (n + 1)] += 1.0 / inverse;
+                self.matrix[(per_node * node + k) * (n + 1)] += 1.0 / system.inverse(node, k);
             }
         }
         for c in system.contacts.iter().filter(|c| is_curved(c, at)) {
@@ -120,9 +100,8 @@ impl Mass {
             }
             MassKind::Diagonal => {
                 for node in 0..nodes {
-                    for k in 0..3 {
-                        f[NODE_DOF * node + k] *= system.inv_mass[node];
-                        f[NODE_DOF * node + 3 + k] *= system.inv_inertia[node];
+                    for k in 0..NODE_DOF {
+                        f[NODE_DOF * node + k] *= system.inverse(node, k);
                     }
                 }
             }
