@@ -38,45 +38,48 @@ impl ModelError {
     }
 }
 
-pub(crate) fn entry(
-    kind: &'static str,
-    index: usize,
-    quantity: &'static str,
-    text: String,
-) -> ModelError {
-    ModelError::Entry {
-        kind,
-        index,
-        quantity,
-        text,
-    }
-}
+/// The entry of a model that is being checked, which refusals name: its kind, and its number among those.
+#[derive(Clone, Copy)]
+pub(crate) struct Entry(pub &'static str, pub usize);
 
-pub(crate) fn positive(
-    kind: &'static str,
-    index: usize,
-    quantity: &'static str,
-    value: f64,
-) -> Result<(), ModelError> {
-    // A subnormal mass has an infinite inverse.
-    if value > 0.0 && value.is_finite() && (1.0 / value).is_finite() {
-        return Ok(());
+impl Entry {
+    /// The refusal of a quantity of it: its name, and what is wrong with it.
+    pub fn refused(self, (quantity, text): (&'static str, String)) -> ModelError {
+        ModelError::Entry {
+            kind: self.0,
+            index: self.1,
+            quantity,
+            text,
+        }
     }
-    let text = format!("is {value}; it must be finite and above 0");
-    Err(entry(kind, index, quantity, text))
-}
 
-pub(crate) fn finite(
-    kind: &'static str,
-    index: usize,
-    quantity: &'static str,
-    values: &[f64],
-) -> Result<(), ModelError> {
-    if values.iter().all(|x| x.is_finite()) {
-        return Ok(());
+    pub fn positive(self, quantity: &'static str, value: f64) -> Result<(), ModelError> {
+        // A subnormal mass has an infinite inverse.
+        if value > 0.0 && value.is_finite() && (1.0 / value).is_finite() {
+            return Ok(());
+        }
+        let text = format!("is {value}; it must be finite and above 0");
+        Err(self.refused((quantity, text)))
     }
-    let text = format!("is {values:?}; it must be finite");
-    Err(entry(kind, index, quantity, text))
+
+    pub fn finite(self, quantity: &'static str, values: &[f64]) -> Result<(), ModelError> {
+        if values.iter().all(|x| x.is_finite()) {
+            return Ok(());
+        }
+        let text = format!("is {values:?}; it must be finite");
+        Err(self.refused((quantity, text)))
+    }
+
+    /// Refuses an orientation that is no unit quaternion.
+    pub fn unit(self, q: &[f64; 4]) -> Result<(), ModelError> {
+        self.finite("orientation", q)?;
+        let size = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if (size - 1.0).abs() > 1e-6 {
+            let text = format!("has norm {size}, expected 1");
+            return Err(self.refused(("orientation", text)));
+        }
+        Ok(())
+    }
 }
 
 /// Why a step could not be made.
@@ -237,15 +240,4 @@ pub struct ImpactRecord {
     pub restitution_scale: f64,
     /// Kept on demand, by laws through springs.
     pub course: Option<ImpulseCurve>,
-}
-
-/// Refuses an orientation that is no unit quaternion.
-pub(crate) fn unit(kind: &'static str, index: usize, q: &[f64; 4]) -> Result<(), ModelError> {
-    finite(kind, index, "orientation", q)?;
-    let size = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if (size - 1.0).abs() > 1e-6 {
-        let text = format!("has norm {size}, expected 1");
-        return Err(entry(kind, index, "orientation", text));
-    }
-    Ok(())
 }

@@ -51,16 +51,11 @@ impl Periodic {
     /// How many images away along each axis `d` (m) ends, so that [`Self::image`] of it is taken off for the shortest.
     #[inline]
     pub fn images_away(&self, d: DVec3) -> DVec3 {
-        let Some(Shear {
-            flow,
-            gradient,
-            offset,
-        }) = self.shear
-        else {
-            return (d * self.inverse).round();
-        };
         let mut count = (d * self.inverse).round();
-        count[flow] = ((d[flow] - count[gradient] * offset) * self.inverse[flow]).round();
+        if let Some(s) = self.shear {
+            let along = d[s.flow] - count[s.gradient] * s.offset;
+            count[s.flow] = (along * self.inverse[s.flow]).round();
+        }
         count
     }
 
@@ -69,13 +64,9 @@ impl Periodic {
     pub fn share(&self, x: DVec3) -> DVec3 {
         let y = x - self.origin - 0.5 * self.length;
         let mut share = y * self.inverse;
-        if let Some(Shear {
-            flow,
-            gradient,
-            offset,
-        }) = self.shear
-        {
-            share[flow] = (y[flow] - share[gradient] * offset) * self.inverse[flow];
+        if let Some(s) = self.shear {
+            let along = y[s.flow] - share[s.gradient] * s.offset;
+            share[s.flow] = along * self.inverse[s.flow];
         }
         share
     }
@@ -141,16 +132,10 @@ impl Periodic {
     }
 
     /// The image in the box itself.
-    pub fn wrap(&self, x: DVec3) -> DVec3 {
-        let mut x = x;
-        if let Some(Shear {
-            flow,
-            gradient,
-            offset,
-        }) = self.shear
-        {
-            let up = ((x[gradient] - self.origin[gradient]) * self.inverse[gradient]).floor();
-            x[flow] -= up * offset;
+    pub fn wrap(&self, mut x: DVec3) -> DVec3 {
+        if let Some(s) = self.shear {
+            let up = ((x - self.origin) * self.inverse)[s.gradient].floor();
+            x[s.flow] -= up * s.offset;
         }
         x - self.length * ((x - self.origin) * self.inverse).floor()
     }

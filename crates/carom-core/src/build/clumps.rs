@@ -3,9 +3,8 @@
 use super::ModelInput;
 use crate::clump::body::Clump;
 use crate::options::{Method, Options};
-use crate::outcome::{entry, finite, positive, unit, ModelError};
+use crate::outcome::{Entry, ModelError};
 use crate::wall::{self, FreeWall};
-use glam::DVec3;
 
 /// How far (1) the largest principal moment may be above the sum of the others: rounding of flat bodies.
 const FLAT: f64 = 1e-9;
@@ -18,16 +17,17 @@ pub fn compile(input: &ModelInput, options: &Options) -> Result<Vec<Clump>, Mode
     check_beside(input, options)?;
     let (n, mut free) = (input.radius.len(), 0);
     for (index, c) in input.clumps.iter().enumerate() {
-        let refuse = |quantity, text: String| Err(entry("clump", index, quantity, text));
+        let clump = Entry("clump", index);
+        let refuse = |quantity, text: String| Err(clump.refused((quantity, text)));
         let balls = &c.balls;
         if balls.is_empty() || balls.start < free || balls.end > n {
             let text = format!("are {balls:?} of {n}; clumps stand in the order of their balls");
             return refuse("balls", text);
         }
         free = balls.end;
-        positive("clump", index, "mass", c.mass)?;
+        clump.positive("mass", c.mass)?;
         for moment in c.inertia {
-            positive("clump", index, "inertia", moment)?;
+            clump.positive("inertia", moment)?;
         }
         let largest = c.inertia.iter().copied().fold(0.0, f64::max);
         let others = c.inertia.iter().sum::<f64>() - largest;
@@ -35,12 +35,11 @@ pub fn compile(input: &ModelInput, options: &Options) -> Result<Vec<Clump>, Mode
             let text = format!("has a moment {largest} above the sum {others} of the others");
             return refuse("inertia", text);
         }
-        finite("clump", index, "position", &c.position)?;
-        wall::place("position", DVec3::from(c.position))
-            .map_err(|(name, text)| entry("clump", index, name, text))?;
-        finite("clump", index, "velocity", &c.velocity)?;
-        finite("clump", index, "angular_velocity", &c.angular_velocity)?;
-        unit("clump", index, &c.orientation)?;
+        clump.finite("position", &c.position)?;
+        wall::place("position", c.position.into()).map_err(|why| clump.refused(why))?;
+        clump.finite("velocity", &c.velocity)?;
+        clump.finite("angular_velocity", &c.angular_velocity)?;
+        clump.unit(&c.orientation)?;
     }
     let made = input.clumps.iter().map(|c| Clump::new(c, &input.position));
     Ok(made.collect())
@@ -63,7 +62,7 @@ fn check_beside(input: &ModelInput, options: &Options) -> Result<(), ModelError>
         None => Ok(()),
         Some((_, what)) => {
             let text = format!("cannot be with {what}; leave out one of both");
-            Err(entry("clump", 0, "balls", text))
+            Err(Entry("clump", 0).refused(("balls", text)))
         }
     }
 }

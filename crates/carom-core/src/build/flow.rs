@@ -2,7 +2,7 @@
 
 use super::ModelInput;
 use crate::flow::{Flow, Region};
-use crate::outcome::{entry, finite, within_bounds, ModelError, FASTEST};
+use crate::outcome::{within_bounds, Entry, ModelError, FASTEST};
 use crate::wall;
 use glam::DVec3;
 
@@ -15,16 +15,14 @@ fn held_bodies(input: &ModelInput) -> impl Iterator<Item = u32> + '_ {
 /// Checks those of a description.
 pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
     let (n, clumps) = (input.radius.len(), input.clumps.len());
-    let mut taken = vec![
-        false;
-        if input.inflow.is_empty() {
-            0
-        } else {
-            n + clumps
-        }
-    ];
+    let bodies = match input.inflow.is_empty() {
+        true => 0,
+        false => n + clumps,
+    };
+    let mut taken = vec![false; bodies];
     for (index, flow) in input.inflow.iter().enumerate() {
-        let refuse = |quantity, text: String| Err(entry("inflow", index, quantity, text));
+        let inflow = Entry("inflow", index);
+        let refuse = |quantity, text: String| Err(inflow.refused((quantity, text)));
         let of = flow.bodies();
         if of.end > n + clumps || (of.start < n && of.end > n) {
             let text =
@@ -55,10 +53,9 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
         }
         // Bodies enter where bodies may be from the start.
         for corner in flow.region.bounds() {
-            wall::place("region", corner)
-                .map_err(|(quantity, text)| entry("inflow", index, quantity, text))?;
+            wall::place("region", corner).map_err(|why| inflow.refused(why))?;
         }
-        finite("inflow", index, "velocity", &flow.velocity.to_array())?;
+        inflow.finite("velocity", &flow.velocity.to_array())?;
         for (quantity, value) in [
             ("rate", flow.rate),
             ("start", flow.start),
@@ -81,13 +78,13 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
     if let Some(body) = held_bodies(input).find(|&b| taken.get(b as usize) == Some(&true)) {
         let text =
             format!("has a joint or a load of its own (sphere {body}): what enters must be free");
-        return Err(entry("inflow", 0, "bodies", text));
+        return Err(Entry("inflow", 0).refused(("bodies", text)));
     }
     for (index, outlet) in input.outlet.iter().enumerate() {
         let fits = outlet.low.cmplt(outlet.high).all();
         if !fits || outlet.low.is_nan() || outlet.high.is_nan() {
             let text = "needs a lowest and a highest corner".to_owned();
-            return Err(entry("outlet", index, "box", text));
+            return Err(Entry("outlet", index).refused(("box", text)));
         }
     }
     Ok(Flow {

@@ -8,7 +8,7 @@ use crate::held_apart::HeldApart;
 use crate::joint::{RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
 use crate::options::Options;
-use crate::outcome::{entry, finite, positive, unit, ModelError};
+use crate::outcome::{Entry, ModelError};
 use crate::wall::{self, checked, FreeWall, MeshWall, Shape, Wall};
 use carom_solve::Bounds;
 use glam::{DQuat, DVec3};
@@ -24,17 +24,18 @@ impl Model {
         }
         check_lengths(input, n)?;
         for i in 0..n {
-            let of_sphere = |(name, text)| entry("sphere", i, name, text);
-            wall::size("radius", input.radius[i]).map_err(of_sphere)?;
-            positive("sphere", i, "mass", input.mass[i])?;
-            positive("sphere", i, "inertia", input.inertia[i])?;
-            finite("sphere", i, "position", &input.position[i])?;
-            wall::place("position", input.position[i].into()).map_err(of_sphere)?;
-            finite("sphere", i, "velocity", &input.velocity[i])?;
-            finite("sphere", i, "angular_velocity", &input.angular_velocity[i])?;
-            unit("sphere", i, &input.orientation[i])?;
+            let sphere = Entry("sphere", i);
+            let refused = |why| sphere.refused(why);
+            wall::size("radius", input.radius[i]).map_err(refused)?;
+            sphere.positive("mass", input.mass[i])?;
+            sphere.positive("inertia", input.inertia[i])?;
+            sphere.finite("position", &input.position[i])?;
+            wall::place("position", input.position[i].into()).map_err(refused)?;
+            sphere.finite("velocity", &input.velocity[i])?;
+            sphere.finite("angular_velocity", &input.angular_velocity[i])?;
+            sphere.unit(&input.orientation[i])?;
         }
-        finite("world", 0, "gravity", &input.gravity)?;
+        Entry("world", 0).finite("gravity", &input.gravity)?;
         let (mut walls, meshes) = compile_walls(input)?;
         let free = compile_free_walls(input, &mut walls)?;
         let periodic = super::periodic::compile(input, &walls)?;
@@ -112,8 +113,8 @@ fn compile_free_walls(input: &ModelInput, walls: &mut [Wall]) -> Result<Vec<Free
     let gravity = DVec3::from(input.gravity);
     let mut free = Vec::with_capacity(input.free_walls.len());
     for (index, given) in input.free_walls.iter().enumerate() {
-        let of_wall = |(quantity, text)| entry("free wall", index, quantity, text);
-        positive("free wall", index, "mass", given.mass)?;
+        let of_wall = |why| Entry("free wall", index).refused(why);
+        Entry("free wall", index).positive("mass", given.mass)?;
         if given.wall as usize != index || index >= walls.len() {
             let text = format!("is {}; free walls are the first ones, in order", given.wall);
             return Err(of_wall(("wall", text)));
@@ -131,7 +132,7 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
     let mut links = Vec::new();
     let missing = |kind, index, body: u32| {
         let text = format!("is {body}; there are {n} spheres");
-        entry(kind, index, "body", text)
+        Entry(kind, index).refused(("body", text))
     };
     for (index, j) in input.joints.iter().enumerate() {
         for body in [j.a, j.b] {
@@ -139,18 +140,17 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
                 return Err(missing("joint", index, body));
             }
         }
+        let of_joint = |why| Entry("joint", index).refused(why);
         if j.a == j.b {
-            let text = "joins a sphere with itself".to_owned();
-            return Err(entry("joint", index, "body", text));
+            return Err(of_joint(("body", "joins a sphere with itself".to_owned())));
         }
         let leading = |kind| (kind != RowKind::Rotation) as usize;
         let translational = j.rows.iter().take_while(|r| leading(r.kind) == 1).count();
         let sorted = j.rows[translational..].iter().all(|r| leading(r.kind) == 0);
         if j.rows.is_empty() || j.rows.len() > 6 || !sorted || translational != j.translational {
             let text = "must be 1 to 6, points and distances before rotations".to_owned();
-            return Err(entry("joint", index, "rows", text));
+            return Err(of_joint(("rows", text)));
         }
-        let of_joint = |(quantity, text)| entry("joint", index, quantity, text);
         wall::size("length", j.length).map_err(of_joint)?;
         for row in &j.rows {
             // Where a ball may be, its points may be: distances and levers are squared.
@@ -159,12 +159,10 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
             }
             let unit = (row.direction.length() - 1.0).abs() < 1e-9;
             if row.kind != RowKind::Distance && !unit {
-                let text = "must be a unit vector".to_owned();
-                return Err(entry("joint", index, "direction", text));
+                return Err(of_joint(("direction", "must be a unit vector".to_owned())));
             }
-            row.law
-                .check_slope_at_start()
-                .map_err(|text| entry("joint", index, "law", text))?;
+            let law = row.law.check_slope_at_start();
+            law.map_err(|text| of_joint(("law", text)))?;
         }
         links.push(Link {
             a: j.a,
@@ -178,7 +176,7 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
             return Err(missing("load", index, body));
         }
         load.check()
-            .map_err(|(quantity, text)| entry("load", index, quantity, text))?;
+            .map_err(|why| Entry("load", index).refused(why))?;
         if let Dependence::Motion(a, b) = load.dependence() {
             links.push(Link {
                 a,
@@ -227,16 +225,16 @@ fn compile_walls(input: &ModelInput) -> Result<(Vec<Wall>, Vec<MeshWall>), Model
             point: DVec3::from(*point),
             normal: DVec3::from(*normal),
         };
-        let plane = checked(&plane).map_err(|(name, text)| entry("plane", p, name, text))?;
+        let plane = checked(&plane).map_err(|why| Entry("plane", p).refused(why))?;
         walls.push(Wall::new(plane, *material, p as u32));
     }
     for (w, (shape, material)) in input.walls.iter().enumerate() {
-        let shape = checked(shape).map_err(|(name, text)| entry("wall", w, name, text))?;
+        let shape = checked(shape).map_err(|why| Entry("wall", w).refused(why))?;
         walls.push(Wall::new(shape, *material, walls.len() as u32));
     }
     let (simple, mut meshes) = (walls.len(), Vec::new());
     for (k, (mesh, point, material)) in input.meshes.iter().enumerate() {
-        wall::place("point", *point).map_err(|(name, text)| entry("mesh", k, name, text))?;
+        wall::place("point", *point).map_err(|why| Entry("mesh", k).refused(why))?;
         let (first, given) = (walls.len(), (simple + k) as u32);
         let parts = mesh.walls().iter();
         walls.extend(parts.map(|shape| Wall::new(*shape, *material, given)));
@@ -247,13 +245,12 @@ fn compile_walls(input: &ModelInput) -> Result<(Vec<Wall>, Vec<MeshWall>), Model
         });
     }
     for (index, (wall, motion)) in input.wall_motion.iter().enumerate() {
-        motion
-            .check()
-            .map_err(|(quantity, text)| entry("wall motion", index, quantity, text))?;
+        let of_motion = |why| Entry("wall motion", index).refused(why);
+        motion.check().map_err(of_motion)?;
         let count = simple + meshes.len();
         if *wall as usize >= count {
             let text = format!("is {wall}; there are {count} walls");
-            return Err(entry("wall motion", index, "wall", text));
+            return Err(of_motion(("wall", text)));
         }
         let motion = Arc::new(motion.clone());
         for target in walls.iter_mut().filter(|w| w.given == *wall) {
@@ -274,7 +271,7 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
     let materials = used.chain(named).max().map_or(0, |m| m as usize + 1);
     if materials > 4096 {
         let text = format!("ids go up to {materials}; at most 4096 are admitted");
-        return Err(entry("world", 0, "material", text));
+        return Err(Entry("world", 0).refused(("material", text)));
     }
     let mut table = vec![0u32; materials * materials];
     let mut laws = Vec::with_capacity(input.laws.len());
@@ -294,7 +291,8 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
     }
     for (index, (a, b, values)) in input.laws.iter().enumerate() {
         let [mu, e_n, e_t, rho, delta] = *values;
-        finite("contact law", index, "coefficients", values)?;
+        let of_law = Entry("contact law", index);
+        of_law.finite("coefficients", values)?;
         let stiffness = input.stiffness_ratio.get(index).copied().unwrap_or(1.0);
         let stiff = stiffness > 0.0 && stiffness.is_finite();
         let of = |list: &[f64]| list.get(index).copied().unwrap_or(0.0);
@@ -314,14 +312,14 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
         ];
         if let Some((quantity, value, _, must)) = ranges.into_iter().find(|range| !range.2) {
             let text = format!("is {value}; it must {must}");
-            return Err(entry("contact law", index, quantity, text));
+            return Err(of_law.refused((quantity, text)));
         }
         let mut functions = [None, None];
         for (function, (quantity, _, list)) in functions.iter_mut().zip(varying) {
             *function = list.get(index).cloned().flatten();
             if let Some(law) = function {
                 law.check()
-                    .map_err(|text| entry("contact law", index, quantity, text))?;
+                    .map_err(|text| of_law.refused((quantity, text)))?;
             }
         }
         let [friction_law, restitution_law] = functions;

@@ -3,7 +3,7 @@
 use super::ModelInput;
 use crate::deformation::course::least_period;
 use crate::options::{Method, Options};
-use crate::outcome::{entry, finite, ModelError};
+use crate::outcome::{Entry, ModelError};
 use crate::wall::Wall;
 use carom_geom::{DVec3, Periodic, Shape};
 use carom_laws::Scalar;
@@ -13,8 +13,9 @@ const ALONG: f64 = 1e-9;
 
 /// The box of a model, or what is wrong with it.
 pub(super) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, ModelError> {
-    finite("world", 0, "periodic", &input.periodic)?;
-    finite("world", 0, "periodic_origin", &input.periodic_origin)?;
+    let world = Entry("world", 0);
+    world.finite("periodic", &input.periodic)?;
+    world.finite("periodic_origin", &input.periodic_origin)?;
     let least = least_period(input.radius.iter().copied());
     for length in input.periodic {
         if length != 0.0 && length < least {
@@ -22,7 +23,7 @@ pub(super) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, Mo
                 "has a length of {length} m; it must be 0 (not periodic) or at least {least} m, four of the largest radii and a \
                  margin, or two images of a sphere could touch another at once"
             );
-            return Err(entry("world", 0, "periodic", text));
+            return Err(world.refused(("periodic", text)));
         }
     }
     let periodic = Periodic::new(
@@ -31,7 +32,7 @@ pub(super) fn compile(input: &ModelInput, walls: &[Wall]) -> Result<Periodic, Mo
     );
     for (index, wall) in walls.iter().enumerate() {
         if let Some(text) = changes_along(wall, &periodic) {
-            return Err(entry("wall", index, "shape", text.to_owned()));
+            return Err(Entry("wall", index).refused(("shape", text.to_owned())));
         }
     }
     Ok(periodic)
@@ -42,7 +43,7 @@ pub(super) fn check_deformation(input: &ModelInput, options: &Options) -> Result
     let Some(given) = &input.deformation else {
         return Ok(());
     };
-    let wrong = |text: &str| Err(entry("world", 0, "deformation", text.to_owned()));
+    let wrong = |text: &str| Err(Entry("world", 0).refused(("deformation", text.to_owned())));
     if !matches!(options.method, Method::Nsga | Method::MoreauJean) {
         return wrong("needs method nsga or moreau");
     }
