@@ -13,6 +13,7 @@ use crate::outcome::Failure;
 use crate::rotation::{advance, increment};
 use crate::scratch::Scratch;
 use crate::state::State;
+use crate::stepper::method::Step;
 use crate::stepper::Prediction;
 use glam::DVec3;
 
@@ -29,12 +30,9 @@ fn present<'a>(
 }
 
 /// The motion of clumps without contacts, once their centres have it, and of their balls. Fails if one turns too far in the step.
-pub(crate) fn predict(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    h: f64,
-) -> Result<(), Failure> {
+pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
+    let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
+    let h = on.span.h;
     for (_, i, clump) in present(model, state) {
         let (q, w) = (state.orientation[i], state.angular_velocity[i]);
         let momentum = clump.momentum(q, w);

@@ -11,6 +11,7 @@ use crate::options::Method;
 use crate::outcome::Failure;
 use crate::scratch::Scratch;
 use crate::state::State;
+use crate::stepper::method::Step;
 use crate::stepper::Span;
 use crate::wall::places::{displacement, proximity_at, Walls};
 use glam::{DVec3, IVec3};
@@ -105,12 +106,8 @@ fn near(
 
 /// Adds the cohesion of a step to its smooth motion, whose places `scratch.position` has (of Moreau-Jean those of the middle of the step). The list of
 /// pairs is that of the step.
-pub(crate) fn pull(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    span: Span,
-) -> Result<(), Failure> {
+pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
+    let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     let (h, walls) = (span.h, &scratch.walls);
     let swept = |x: &DVec3| 2.0 * h * walls.speed_at(*x);
     let swept = match walls.any_moves() {

@@ -37,10 +37,10 @@ impl Sums {
 
 /// Ends a step, or finds that its motion left the numbers.
 pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
-    let (model, coefficients, span) = (on.model, on.coefficients, on.span);
+    let (model, span) = (on.model, on.span);
+    clump::give_jumps(model, on.scratch);
+    let mut sums = end_motion(on);
     let (state, scratch, report) = (&mut *on.state, &mut *on.scratch, &mut *on.report);
-    clump::give_jumps(model, scratch);
-    let mut sums = end_motion(model, state, scratch, coefficients);
     sums.kinetic += clump::kinetic_beyond(model, scratch);
     let mut potential = sums.potential;
     if !(sums.watch.is_calm(span.h) && (sums.kinetic + potential).is_finite()) {
@@ -74,13 +74,13 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
         let at = motion_of(state, span.end);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
         let mean = 0.5 * (scratch.power + power(model, &at));
-        add_smooth_reactions(model, state, scratch, coefficients);
+        add_smooth_reactions(model, state, scratch, on.coefficients);
         report.energy_work += span.h * mean + joint_work(model, scratch, span);
     }
     std::mem::swap(&mut state.warm, &mut scratch.warm);
     // Stable, for islands one after the other are few sorted runs.
     state.warm.sort_by_key(|w| w.key);
-    state.warm_step = coefficients.h;
+    state.warm_step = on.coefficients.h;
     report.energy_kinetic = sums.kinetic;
     report.energy_potential = potential;
     type Two = (f64, f64);
@@ -97,12 +97,9 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
 }
 
 /// New velocities into `scratch.jump`, `a_{n+1}` into the predictions.
-fn end_motion(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    coefficients: &Coefficients,
-) -> Sums {
+fn end_motion(on: &mut Step) -> Sums {
+    let (model, state, coefficients) = (on.model, &*on.state, on.coefficients);
+    let scratch = &mut *on.scratch;
     let (threads, n) = (model.options.threads as usize, model.bodies());
     let whole = (
         &mut scratch.linear[..n],

@@ -5,8 +5,8 @@ use crate::clump;
 use crate::contact::{Contact, CANDIDATE_MARGIN};
 use crate::model::Model;
 use crate::outcome::Failure;
-use crate::scratch::Scratch;
 use crate::state::State;
+use crate::stepper::method::Step;
 use crate::wall::places::{proximity, Walls};
 use carom_solve::team;
 use glam::DVec3;
@@ -25,11 +25,8 @@ pub(crate) enum Relisted {
 
 /// Adds pairs that overlap at the corrected positions and were no candidates.
 #[inline]
-pub(crate) fn relist(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-) -> Result<Relisted, Failure> {
+pub(crate) fn relist(on: &mut Step) -> Result<Relisted, Failure> {
+    let (model, scratch) = (on.model, &*on.scratch);
     // A pair that was beyond the margin stays apart unless its spheres were pushed by as much together.
     let threads = model.options.threads as usize;
     let pushed = |_, shift: &[[DVec3; 2]]| {
@@ -43,22 +40,13 @@ pub(crate) fn relist(
     if !far && model.meshes.is_empty() {
         return Ok(Relisted::Touching(Vec::new()));
     }
-    join_overlapping(
-        model,
-        state,
-        scratch,
-        if far { 0 } else { model.first_mesh_wall() },
-    )
+    join_overlapping(on, if far { 0 } else { model.first_mesh_wall() })
 }
 
 /// The rest of [`relist`], where spheres were pushed far enough, or for pairs with bodies from `least` on.
 #[inline(never)]
-fn join_overlapping(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    least: u32,
-) -> Result<Relisted, Failure> {
+fn join_overlapping(on: &mut Step, least: u32) -> Result<Relisted, Failure> {
+    let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     let threads = model.options.threads as usize;
     let touching = model.options.touching_tolerance;
     // In a pile what is pushed pushes on: pairs that come near join with those that overlap, or every round would take the
@@ -107,18 +95,14 @@ fn join_overlapping(
     if margin == touching {
         joining.retain(overlapping);
     }
-    join(model, state, scratch, &joining)?;
-    start_over(model, state, scratch);
+    join(on, &joining)?;
+    start_over(on);
     Ok(Relisted::Joined)
 }
 
 /// Adds pairs as contacts.
-pub(crate) fn join(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    joining: &[NearPair],
-) -> Result<(), Failure> {
+pub(crate) fn join(on: &mut Step, joining: &[NearPair]) -> Result<(), Failure> {
+    let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     let (contacts, walls, linear) = (&mut scratch.contacts, &scratch.walls, &scratch.linear);
     let smooth = |body: u32| match linear.get(body as usize) {
         Some(p) => state.position[body as usize] + p.displacement,
@@ -200,7 +184,8 @@ fn merge(
 }
 
 /// Spheres where the smooth step has put them. Multipliers stay: piles are swept on from them.
-pub(crate) fn start_over(model: &Model, state: &State, scratch: &mut Scratch) {
+pub(crate) fn start_over(on: &mut Step) {
+    let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     let threads = model.options.threads as usize;
     let (linear, shift) = (&scratch.linear, &mut scratch.shift);
     let by_loads = &scratch.load_shift;

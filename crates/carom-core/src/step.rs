@@ -37,7 +37,7 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
     on.timers.mark(Phase::Predict);
     if on.model.cohesive_reach() > 0.0 {
         list_pairs(on.model, on.state, on.scratch, on.span.h)?;
-        cohesion::pull(on.model, on.state, on.scratch, on.span)?;
+        cohesion::pull(on, on.span)?;
     }
     let fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
     travel::check(on.model, on.state, on.scratch, fastest)?;
@@ -149,18 +149,18 @@ fn correct_positions(on: &mut Step) -> Result<(), Failure> {
         solve_positions(on, demand)?;
         on.report.sweeps_position += earlier;
         place(model, on.state, on.scratch);
-        let relisted = relist(model, on.state, on.scratch)?;
+        let relisted = relist(on)?;
         on.report.relisted += u32::from(matches!(relisted, Relisted::Joined));
         if let Relisted::Touching(pairs) = relisted {
             // What was solved roughly is done once more, now that all pairs are there.
             let (contacts, islands) = (&on.scratch.contacts, &on.scratch.islands);
             if demand != Demand::Rough || !pile::is_left_rough(model, contacts, islands) {
                 on.report.candidates = contacts.len() as u32;
-                join_touching(model, on.state, on.scratch, &pairs)?;
+                join_touching(on, &pairs)?;
                 break;
             }
             demand = strict;
-            start_over(model, on.state, on.scratch);
+            start_over(on);
         }
         if round == MAX_RELIST {
             return Err(Failure::NotConverged(Level::Position));
@@ -237,16 +237,12 @@ fn place_contact(model: &Model, walls: &Walls, position: &[DVec3], c: &mut Conta
 
 /// Pairs that positions have brought to touch, and no more: there is nothing to correct, but they are in A. The third ball of a rod is so that two
 /// others lay on the floor.
-fn join_touching(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    pairs: &[NearPair],
-) -> Result<(), Failure> {
+fn join_touching(on: &mut Step, pairs: &[NearPair]) -> Result<(), Failure> {
     if pairs.is_empty() {
         return Ok(());
     }
-    join(model, state, scratch, pairs)?;
+    join(on, pairs)?;
+    let (model, scratch) = (on.model, &mut *on.scratch);
     let (walls, position) = (&scratch.walls, &scratch.position);
     for near in pairs {
         let found = (scratch.contacts).binary_search_by_key(&near.pair, |c| (c.a, c.b));

@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-10;
 pub fn solve(on: &mut Step) -> Result<(), Failure> {
     predict(on);
     on.report.iterations_smooth = 1;
-    clump::predict(on.model, on.state, on.scratch, on.span.h)?;
+    clump::predict(on)?;
     if !on.model.is_free() {
         iterate(on)?;
     }

@@ -52,7 +52,7 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
     move_to_middle(model, on.state, on.scratch, whole);
     if model.cohesive_reach() > 0.0 {
         list_pairs(model, on.state, on.scratch)?;
-        cohesion::pull(model, on.state, on.scratch, whole)?;
+        cohesion::pull(on, whole)?;
         move_to_middle(model, on.state, on.scratch, whole);
     }
     on.timers.mark(Phase::Predict);
@@ -194,7 +194,7 @@ fn close(on: &mut Step, demand: Demand) -> Result<(), Failure> {
     let closed = if on.model.options.position_projection {
         project(on, demand)
     } else {
-        overlapping(on.model, on.state, on.scratch, 0.0).map(|_| ())
+        overlapping(on, 0.0).map(|_| ())
     };
     std::mem::swap(&mut on.scratch.contacts, &mut on.scratch.overlaps);
     closed?;
@@ -204,12 +204,8 @@ fn close(on: &mut Step, demand: Demand) -> Result<(), Failure> {
 
 /// Makes `scratch.contacts` the pairs whose gap at `scratch.position` is below `margin r_c`, kept to gaps alone;
 /// returns whether there are pairs that it had not.
-fn overlapping(
-    model: &Model,
-    state: &State,
-    scratch: &mut Scratch,
-    margin: f64,
-) -> Result<bool, Failure> {
+fn overlapping(on: &mut Step, margin: f64) -> Result<bool, Failure> {
+    let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     list_pairs(model, state, scratch)?;
     let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     let known = contacts.len();
@@ -232,7 +228,7 @@ fn overlapping(
 /// which nothing overlaps and joints hold. Velocities stay as they are.
 fn project(on: &mut Step, demand: Demand) -> Result<(), Failure> {
     let model = on.model;
-    overlapping(model, on.state, on.scratch, CANDIDATE_MARGIN)?;
+    overlapping(on, CANDIDATE_MARGIN)?;
     for round in 0..=step::MAX_RELIST {
         move_by_predictions(on.state, on.scratch);
         on.scratch.shift.fill([DVec3::ZERO; 2]);
@@ -244,7 +240,7 @@ fn project(on: &mut Step, demand: Demand) -> Result<(), Failure> {
         }
         take_gaps(model, on.scratch);
         let margin = -model.options.gap_tolerance;
-        if !overlapping(model, on.state, on.scratch, margin)? {
+        if !overlapping(on, margin)? {
             return Ok(());
         }
         on.report.relisted += u32::from(round < step::MAX_RELIST);
