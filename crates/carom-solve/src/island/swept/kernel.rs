@@ -88,20 +88,10 @@ impl Work for Sweep<'_> {
                     let outside = s.greater_than_f64s(squared, s.mul_f64s(radius, radius));
                     let share = s.div_f64s(radius, s.sqrt_f64s(squared));
                     let share = s.select_f64s(outside, share, s.splat_f64s(1.0));
-                    one.take(
-                        s,
-                        &mut nodes,
-                        [states[0][0], s.mul_f64s(share, x)],
-                        at,
-                        &mut sums,
-                    );
-                    two.take(
-                        s,
-                        &mut nodes,
-                        [states[1][0], s.mul_f64s(share, y)],
-                        at,
-                        &mut sums,
-                    );
+                    for ((row, [r, _]), new) in disc.rows.iter_mut().zip(states).zip([x, y]) {
+                        let new = s.mul_f64s(share, new);
+                        row.take(s, &mut nodes, [r, new], at, &mut sums);
+                    }
                 }
                 scatter(s, self.states, group, nodes.u, at);
             }
