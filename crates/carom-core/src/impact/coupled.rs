@@ -8,7 +8,7 @@ use crate::level::coupling::Trial;
 use crate::level::Task;
 use crate::model::Model;
 use crate::rotation;
-use crate::rows::Rows;
+use crate::rows::{halves, Rows};
 use crate::stepper::Span;
 use crate::workspace::{IslandScratch, On};
 use carom_solve::rows::{Measured, RowSystem, Subproblem, NODE_DOF, WORLD};
@@ -167,11 +167,10 @@ impl ImpactScratch {
         }
         self.speeds = self.wall_speeds;
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
-            let v = &self.v_check[NODE_DOF * node..];
-            let velocity = DVec3::new(v[0], v[1], v[2]);
+            let [velocity, spin] = halves(&self.v_check[NODE_DOF * node..]);
             self.speeds.add(model, state, velocity, body as usize);
             scratch.trial.velocity[body as usize] = velocity;
-            scratch.trial.angular_velocity[body as usize] = DVec3::new(v[3], v[4], v[5]);
+            scratch.trial.angular_velocity[body as usize] = spin;
         }
         self.set_closing(model);
         // From here on loads count from the settled motion, and joints from zero.

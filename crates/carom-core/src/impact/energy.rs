@@ -5,6 +5,7 @@
 
 use carom_solve::clusters::{apart, Forest};
 use carom_solve::rows::WORLD;
+use glam::DVec3;
 
 /// An impact gains energy if its work exceeds this share (1) of its group's kinetic energy, besides what the residual of the solver does. Too
 /// small: rounding counts as a gain, and costs a solve. Too large: at 1e-6 the energy of falling heaps rises fifty times as much in a step.
@@ -52,8 +53,27 @@ impl ContactWork {
         self.explained += 0.5 * ((normal[0] * normal[1]).abs() + friction.max(0.0));
     }
 
+    /// The same of vectors, axis by axis.
+    pub fn add_vectors(&mut self, before: DVec3, impulse: [DVec3; 2], change: [DVec3; 2]) {
+        for axis in 0..3 {
+            let at = |v: DVec3| v[axis];
+            self.add(at(before), impulse.map(at), change.map(at));
+        }
+    }
+
     fn done(&self) -> f64 {
         self.terms.iter().sum()
+    }
+}
+
+/// Goes from one solution towards another by a share; all the way by the whole, to the bit.
+pub(crate) fn mix(from: &mut [f64], to: &[f64], share: f64) {
+    for (from, to) in from.iter_mut().zip(to) {
+        *from = if share == 1.0 {
+            *to
+        } else {
+            *from + share * (to - *from)
+        };
     }
 }
 

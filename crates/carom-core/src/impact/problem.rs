@@ -13,7 +13,7 @@ use crate::impact::memory::ImpactScratch;
 use crate::level::speeds::{opening, Speeds};
 use crate::level::{Demand, Task};
 use crate::model::Model;
-use crate::rows::Rows;
+use crate::rows::{flat, Rows};
 use crate::workspace::On;
 use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
 use carom_solve::Status;
@@ -101,18 +101,15 @@ impl ImpactScratch {
         for &body in &scratch.solve.bodies {
             let i = body as usize;
             let motion = [linear[i].velocity, angular[i].velocity];
-            let [lin, ang] = clumps.to_node(model, body, motion);
             self.v_check
-                .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
+                .extend(flat(clumps.to_node(model, body, motion)));
             // Of a clump as it has turned since: its spin changes without forces.
             let w = match model.as_clump(body) {
                 Some(_) => angular[i].velocity,
                 None => state.angular_velocity[i],
             };
             let motion = [state.velocity[i], w];
-            let [lin, ang] = clumps.to_node(model, body, motion);
-            self.v_old
-                .extend([lin.x, lin.y, lin.z, ang.x, ang.y, ang.z]);
+            self.v_old.extend(flat(clumps.to_node(model, body, motion)));
             self.speeds.add(model, state, linear[i].velocity, i);
         }
         self.set_closing(model);

@@ -6,7 +6,7 @@ use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
 use crate::rotation;
-use crate::rows::Rows;
+use crate::rows::{halves, Rows};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::Span;
@@ -204,7 +204,7 @@ impl Subproblem for Positions<'_> {
         // Centre of a ball: that of its node, with the lever in a clump.
         let at = |node: u32, ball: u32| {
             let own = &u[NODE_DOF * node as usize..][..NODE_DOF];
-            let centre = self.centres[node as usize] + DVec3::new(own[0], own[1], own[2]);
+            let centre = self.centres[node as usize] + halves(own)[0];
             let clumps = self.clumps.as_ref();
             let lever = clumps.and_then(|clumps| clumps.lever(ball, own));
             (lever.map_or(centre, |(_, lever)| centre + lever), lever)

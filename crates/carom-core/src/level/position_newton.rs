@@ -8,7 +8,7 @@ use crate::islands::Island;
 use crate::model::Model;
 use crate::outcome::Level;
 use crate::problem::{Keeper, Solve};
-use crate::rows::{along, Rows};
+use crate::rows::{along, flat, halves, Rows};
 use crate::stepper::{Prediction, Span};
 use crate::workspace::{IslandScratch, On, SolveScratch};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
@@ -183,9 +183,7 @@ fn motion(
 ) -> Vec<f64> {
     let motions = bodies.iter().flat_map(|&b| {
         let (lin, ang) = (&linear[b as usize], &angular[b as usize]);
-        let motion = [lin.displacement, ang.displacement];
-        let [d, psi] = clumps.to_node(model, b, motion);
-        [d.x, d.y, d.z, psi.x, psi.y, psi.z]
+        flat(clumps.to_node(model, b, [lin.displacement, ang.displacement]))
     });
     motions.collect()
 }
@@ -274,8 +272,7 @@ fn write(on: &mut On) {
     let solve = &*scratch.solve;
     for (node, &body) in solve.bodies.iter().enumerate() {
         let v = &solve.u[NODE_DOF * node..NODE_DOF * (node + 1)];
-        let own = [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])];
-        let correction = scratch.clumps.from_node(model, body, own);
+        let correction = scratch.clumps.from_node(model, body, halves(v));
         scratch.corrections.set(body, correction);
     }
     for (slot, &m) in on.island.contacts.iter().enumerate() {

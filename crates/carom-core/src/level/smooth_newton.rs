@@ -9,7 +9,7 @@ use crate::force::total::{add_loads, own_force};
 use crate::force::LoadError;
 use crate::joint::{add_reaction, Joint};
 use crate::model::{LinkKind, Model};
-use crate::rows::Rows;
+use crate::rows::{halves, Rows};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_solve::clusters::{apart, Forest};
@@ -298,8 +298,7 @@ impl SmoothScratch {
             let l = self.lambda[first + r];
             for (side, body) in row.iter().zip([joint.a, joint.b]) {
                 if let Some(w) = trial.wrench.get_mut(body as usize) {
-                    let force = l * DVec3::new(side[0], side[1], side[2]);
-                    let moment = l * DVec3::new(side[3], side[4], side[5]);
+                    let [force, moment] = halves(side).map(|part| l * part);
                     let arm = 1.0 / model.radius[body as usize];
                     terms.terms += force.length_squared() + arm * arm * moment.length_squared();
                     w[0] += force;
@@ -417,8 +416,7 @@ impl SmoothScratch {
             if solved {
                 for (k, &body) in group.bodies.iter().enumerate() {
                     let x = &self.solution[NODE_DOF * k..NODE_DOF * (k + 1)];
-                    let parts = [DVec3::new(x[0], x[1], x[2]), DVec3::new(x[3], x[4], x[5])];
-                    apply(body as usize, parts);
+                    apply(body as usize, halves(x));
                 }
                 let mut at = NODE_DOF * group.bodies.len();
                 for &index in &group.joints {

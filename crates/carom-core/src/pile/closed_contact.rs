@@ -2,6 +2,7 @@
 
 use crate::contact::Contact;
 use crate::options::Options;
+use crate::rows::halves;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
 use carom_solve::Status;
@@ -173,16 +174,5 @@ pub(super) fn work(normal: DVec3, r: DVec3, before: DVec3, after: DVec3) -> [f64
 
 /// Change of a contact's relative velocity by corrections of the nodes.
 pub(super) fn change(m: &ClosedContact, u: &[[f64; 6]]) -> DVec3 {
-    let part = |node: u32| {
-        let u = &u[node as usize];
-        (DVec3::new(u[0], u[1], u[2]), DVec3::new(u[3], u[4], u[5]))
-    };
-    let (mut d, wa) = part(m.a);
-    let mut spin = m.arms[0] * wa;
-    if m.b != WORLD {
-        let (v, w) = part(m.b);
-        d -= v;
-        spin += m.arms[1] * w;
-    }
-    d + m.normal.cross(spin)
+    m.relative(|node| halves(&u[node as usize]))
 }

@@ -4,7 +4,7 @@ use super::chunks;
 use super::closed_contact::{change, ClosedContact, FIXED};
 use super::roll;
 use super::velocities::Velocities;
-use crate::impact::energy::{scales, Admit, ContactWork};
+use crate::impact::energy::{mix, scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::model::Model;
 use crate::pile::limits::tolerance;
@@ -153,10 +153,7 @@ impl Pile {
             let before = memory.now(m) - since;
             let changes = [&self.corrections, corrections].map(|u| since + change(m, u));
             let given = solved.map(|r| r - had(m.load, m.impulse));
-            for axis in 0..3 {
-                let at = |v: DVec3| v[axis];
-                work.add(at(before), given.map(at), changes.map(at));
-            }
+            work.add_vectors(before, given, changes);
             if let Some(turning) = memory.turning.get(slot as usize) {
                 let since = roll::relative(m, &memory.jump) - roll::relative(m, from);
                 let before = memory.turn(slot) - since;
@@ -164,10 +161,7 @@ impl Pile {
                 let changes = changes.map(|u| since + roll::change(m, u));
                 let had = had(turning.load, turning.moment);
                 let given = [&self.moments, moments].map(|of| DVec3::from(of[k]) - had);
-                for axis in 0..3 {
-                    let at = |v: DVec3| v[axis];
-                    work.add(at(before), given.map(at), changes.map(at));
-                }
+                work.add_vectors(before, given, changes);
             }
             work
         });
@@ -182,15 +176,6 @@ impl Pile {
                 (with.impulses, with.moments, with.corrections);
             return;
         };
-        fn mix<const N: usize>(from: &mut [f64; N], to: &[f64; N], s: f64) {
-            for (from, to) in from.iter_mut().zip(to) {
-                *from = if s == 1.0 {
-                    *to
-                } else {
-                    *from + s * (to - *from)
-                };
-            }
-        }
         let of = |&slot: &u32| scales[self.velocity.closed[slot as usize].a as usize];
         let of_chosen: Vec<f64> = self.velocity.chosen.iter().map(of).collect();
         for (k, &s) in of_chosen.iter().enumerate() {

@@ -7,6 +7,7 @@ use crate::level::{position_floor, Demand, Task};
 use crate::model::Model;
 use crate::pile::limits::{budget, told, worst, PATIENCE, WORST_CONTACT_FROM};
 use crate::pile::memory::Pile;
+use crate::rows::halves;
 use crate::stepper::Span;
 use crate::workspace::On;
 use carom_solve::ladder::COARSE_TOLERANCE;
@@ -213,9 +214,8 @@ impl Pile {
     /// Writes the solution into the step.
     fn write_positions(&self, on: &mut On) {
         for ((&i, u), &taken) in self.spheres.iter().zip(&self.corrections).zip(&self.taken) {
-            let way = DVec3::new(u[0], u[1], u[2]) - taken;
-            let correction = [way, DVec3::new(u[3], u[4], u[5])];
-            on.scratch.corrections.set(i, correction);
+            let [way, turn] = halves(u);
+            on.scratch.corrections.set(i, [way - taken, turn]);
         }
         let chunks = chunks::cut(on.island.contacts, on.scratch.contacts);
         team::map(self.sweeps.threads, chunks, |mut chunk| {

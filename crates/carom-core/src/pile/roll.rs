@@ -8,30 +8,25 @@ use super::closed_contact::{ClosedContact, Frame};
 use crate::contact::{turned, Contact};
 use crate::pile::turning::Turning;
 use crate::pile::velocities::Velocities;
+use crate::rows::halves;
 use carom_solve::rows::WORLD;
 use carom_solve::spheres::Body;
 use glam::DVec3;
 
 /// Relative angular velocity of a contact's bodies, of A against B.
 pub(super) fn relative(m: &ClosedContact, v: &[[DVec3; 2]]) -> DVec3 {
-    let of_a = v[m.a as usize][1];
-    if m.b == WORLD {
-        of_a
-    } else {
-        of_a - v[m.b as usize][1]
-    }
+    between(m, |node| v[node as usize][1])
 }
 
 /// Change of it by corrections of the nodes.
 pub(super) fn change(m: &ClosedContact, u: &[[f64; 6]]) -> DVec3 {
-    let part = |node: u32| {
-        let u = &u[node as usize];
-        DVec3::new(u[3], u[4], u[5])
-    };
-    if m.b == WORLD {
-        part(m.a)
-    } else {
-        part(m.a) - part(m.b)
+    between(m, |node| halves(&u[node as usize])[1])
+}
+
+fn between(m: &ClosedContact, of: impl Fn(u32) -> DVec3) -> DVec3 {
+    match m.b {
+        WORLD => of(m.a),
+        b => of(m.a) - of(b),
     }
 }
 

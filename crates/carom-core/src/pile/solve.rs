@@ -10,6 +10,7 @@ use crate::model::Model;
 use crate::pile::limits::{budget, finer, tolerance, worst, PATIENCE};
 use crate::pile::memory::Pile;
 use crate::report::StepReport;
+use crate::rows::halves;
 use crate::workspace::On;
 use carom_solve::problem::Problem;
 use carom_solve::solver::{split, SPLIT_CONTACTS};
@@ -304,9 +305,9 @@ impl Pile {
             memory.closed = closed;
         }
         for node in self.problem_nodes.nodes(self.bodies.len()) {
-            let (jump, u) = (&mut memory.jump[node as usize], &u[node as usize]);
-            jump[0] += DVec3::new(u[0], u[1], u[2]);
-            jump[1] += DVec3::new(u[3], u[4], u[5]);
+            let (jump, [v, w]) = (&mut memory.jump[node as usize], halves(&u[node as usize]));
+            jump[0] += v;
+            jump[1] += w;
         }
         // Stage 1 replaces part of stage 0: the larger of both is what later problems add to.
         memory.terms = memory.terms.max(memory.total(&self.bodies, threads));

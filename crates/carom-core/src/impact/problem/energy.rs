@@ -1,6 +1,6 @@
 //! Work of an island's contacts and joints ([`crate::impact::energy`]).
 
-use crate::impact::energy::{scales, Admit, ContactWork};
+use crate::impact::energy::{mix, scales, Admit, ContactWork};
 use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
 use carom_solve::rows::{RowContact, NODE_DOF};
@@ -209,15 +209,6 @@ impl ImpactScratch {
 
     /// Goes from the solution at hand towards `with` as far as `scales` of the nodes say.
     pub(in crate::impact) fn mix(&mut self, with: &RowSolution, scales: &[f64]) {
-        let mix = |from: &mut [f64], to: &[f64], s: f64| {
-            for (from, to) in from.iter_mut().zip(to) {
-                *from = if s == 1.0 {
-                    *to
-                } else {
-                    *from + s * (to - *from)
-                };
-            }
-        };
         for (position, c) in self.sub.contacts.iter().enumerate() {
             let (rows, s) = (c.rows(), scales[c.node_a as usize]);
             mix(&mut self.lambda[rows.clone()], &with.lambda[rows], s);

@@ -4,6 +4,7 @@ use crate::contact::Contact;
 use crate::impact::law::Law;
 use crate::impact::memory::ImpactScratch;
 use crate::impact::table::ImpactRow;
+use crate::rows::halves;
 use crate::workspace::On;
 use carom_solve::rows::NODE_DOF;
 use carom_solve::Status;
@@ -110,10 +111,8 @@ impl ImpactScratch {
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
             let at = NODE_DOF * node..NODE_DOF * (node + 1);
             let (j, s) = (&self.jump[at.clone()], &self.settled[at]);
-            let jump = [
-                glam::DVec3::new(j[0] + s[0], j[1] + s[1], j[2] + s[2]),
-                glam::DVec3::new(j[3] + s[3], j[4] + s[4], j[5] + s[5]),
-            ];
+            let ([v, w], [v_s, w_s]) = (halves(j), halves(s));
+            let jump = [v + v_s, w + w_s];
             let jump = scratch.clumps.from_node(model, body, jump);
             scratch.corrections.set(body, jump);
         }

@@ -16,6 +16,7 @@ use crate::model::Model;
 use crate::options::Problems;
 use crate::pile::memory::Pile;
 use crate::pile::velocities::Velocities;
+use crate::rows::flat;
 use crate::workspace::On;
 use batch::{Batch, View};
 use carom_solve::team::{self, lock};
@@ -325,10 +326,7 @@ impl Pile {
             .jump
             .iter()
             .zip(&before.jump)
-            .map(|([v, w], [v0, w0])| {
-                let (v, w) = (*v - *v0, *w - *w0);
-                [v.x, v.y, v.z, w.x, w.y, w.z]
-            })
+            .map(|([v, w], [v0, w0])| flat([*v - *v0, *w - *w0]))
             .collect();
         let report = problem_data::report_of(1, 0.0, true);
         self.keep(on, (index, report), &stated, &correction, &before.motion);
