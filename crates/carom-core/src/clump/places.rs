@@ -4,7 +4,7 @@ use super::body::Clump;
 use crate::contact::Contact;
 use crate::model::Model;
 use crate::rotation::advance;
-use crate::rows::Rows;
+use crate::rows::{halves, Rows};
 use crate::state::State;
 use crate::stepper::Prediction;
 use carom_solve::rows::NODE_DOF;
@@ -99,7 +99,7 @@ impl Clumps {
 
     /// A gradient over the velocities of a ball as one over those of the node of its clump.
     pub fn fold(&self, clump: usize, lever: DVec3, row: &mut [f64; NODE_DOF]) {
-        let (v, w) = parts(row);
+        let [v, w] = halves(row);
         let turn = self.scale[clump][0] * (w + lever.cross(v));
         row[3..].copy_from_slice(&turn.to_array());
     }
@@ -124,14 +124,6 @@ impl Clumps {
     }
 }
 
-/// Both halves of a row.
-fn parts(row: &[f64; NODE_DOF]) -> (DVec3, DVec3) {
-    (
-        DVec3::new(row[0], row[1], row[2]),
-        DVec3::new(row[3], row[4], row[5]),
-    )
-}
-
 /// Positions of balls of an island at the position level, by the corrections `u` of its nodes.
 pub(crate) struct ClumpPositions<'a> {
     pub model: &'a Model,
@@ -149,7 +141,7 @@ impl ClumpPositions<'_> {
         let clump = &self.model.clumps[number];
         let i = self.model.balls() + number;
         let [_, by_loads] = self.load_shift.get(i).copied().unwrap_or_default();
-        let own = self.clumps.scale[number][0] * DVec3::new(u[3], u[4], u[5]);
+        let own = self.clumps.scale[number][0] * halves(u)[1];
         let turn = self.angular[i].displacement + by_loads + own;
         let q = advance(turn, self.state.orientation[i]);
         Some((number, q * clump.offsets[ball as usize - clump.balls.start]))

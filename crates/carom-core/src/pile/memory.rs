@@ -55,7 +55,7 @@ pub struct Pile {
     pub(super) accept: bool,
     /// What sweeps do not solve is solved by its convex companion.
     pub(super) companion: bool,
-    /// Give memory back as soon as it was used ([`is_huge`]).
+    /// Give memory back as soon as it was used ([`super::limits::is_huge`]).
     pub(super) huge: bool,
 }
 

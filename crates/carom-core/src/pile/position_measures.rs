@@ -5,6 +5,7 @@ use crate::contact::Contact;
 use crate::model::Model;
 use crate::pile::limits::node;
 use crate::pile::memory::Pile;
+use crate::rows::halves;
 use crate::wall::places::{proximity, Walls};
 use carom_geom::Proximity;
 use carom_solve::rows::WORLD;
@@ -88,7 +89,7 @@ impl Linearisation<'_> {
         } = pile;
         let moved = |node: u32| {
             let u = corrections.get(node as usize);
-            let u = u.map_or(DVec3::ZERO, |u| DVec3::new(u[0], u[1], u[2]));
+            let u = u.map_or(DVec3::ZERO, |u| halves(u)[0]);
             taken.get(node as usize).map_or(u, |taken| u - *taken)
         };
         let any_free = !self.model.free_walls.is_empty();
