@@ -155,7 +155,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "is below low along ...": [("region", INFLOW + "region = { low = [3,3,3], high = [2,4,4] }\n")],
     "... would enter ... m deep in ...": [
         ("region", INFLOW + "region = { low = [3,3,-1], high = [4,4,4] }\n"),
-        ("region", RODS + "region = { low = [3,3,0.015], high = [4,4,4] }\n"),
+        ("region", RODS + "region = { low = [3,3,-0.005], high = [4,4,4] }\n"),
     ],
     "both spheres and ... are given": [
         ("inflow", RODS + FAR + "diameter = 0.02\n"),

@@ -159,8 +159,17 @@ def test_wrong_arguments_are_told() -> None:
         CaromError, match=r"stop is the class AtRest; write stop=AtRest\(\), with parentheses"
     ):
         carom.simulate(falling(), stop=AtRest)
-    with pytest.raises(CaromError, match="simulate: progress must be a function of a progress, as lambda"):
+    with pytest.raises(CaromError, match="simulate: progress must be a function, as lambda"):
         carom.simulate(falling(), progress=True)  # type: ignore[arg-type]
+    with pytest.raises(
+        CaromError, match="simulate_batch: progress must be a function, as lambda done, cases"
+    ):
+        carom.simulate_batch([falling()], progress=False)  # type: ignore[arg-type]
+    with pytest.raises(CaromError, match="resume: progress must be a function, as lambda"):
+        carom.resume("nowhere", progress=3)  # type: ignore[arg-type]
+    for call in (carom.sweep, carom.fit):
+        with pytest.raises(CaromError, match="progress must be a function, as lambda"):
+            call("nowhere.toml", "nowhere", progress=True)  # type: ignore[operator]
     with pytest.raises(CaromError, match="callback_every must be"):
         carom.simulate(falling(), callback=print, callback_every=0)
     with pytest.raises(CaromError, match="without callback"):

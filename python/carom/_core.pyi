@@ -180,7 +180,8 @@ class Simulation:
 
     `inflow`: list of `{"bodies": (first, count), "region": ("box", low, high) or ("disc", centre, normal, radius), "rate":
     1/s or 0, "start": s, "velocity": (3,), "spread": m/s per component, "seed": int}`, whose balls are absent until they
-    enter. `outlet`: list of `(low, high, inside)`.
+    enter. Clumps are bodies behind the N balls; with `"turned": True` they enter turned at random. `outlet`: list of
+    `(low, high, inside)`.
 
     Impulses on walls are recorded if any wall has a motion or is free, or with `"record_walls": True`. With
     `"drop_impacts": True` the table of impacts stays empty, with `"every_impact": True` piles have a row in it for each

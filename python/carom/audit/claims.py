@@ -184,7 +184,9 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
         return
     x, v, w = (of[0] for of in run.state(slice(0, 1))[:3])
     rows = run.motion_of_clumps(slice(0, 1))[0]
-    motion, height = rigid.kinetic(run, v, w, rows), rigid.weight(run, x, rows)
+    here = run.present(slice(0, 1))[0]
+    of_bodies = rigid.kinetic(run, v, w, rows), rigid.weight(run, x, rows)
+    motion, height = (np.where(here, of_body, 0.0) for of_body in of_bodies)
     if not run.loads and run.method != "penalty":  # whose springs and contacts have a potential, too
         shown, size = motion.sum() - height.sum(), (motion + np.abs(height)).sum()
         yield "energy.initial", shown, 64.0 * EPS * run.bodies * size / max(abs(shown), 1e-300)

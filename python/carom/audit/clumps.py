@@ -34,6 +34,8 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         return
     _as_one(block, tally)
     for number, clump in enumerate(run.clumps):
+        if not block.there[:, clump.balls].any():
+            continue
         apart, there = (np.asarray(of[:, clump.balls].all(axis=1)) for of in (free, block.there))
         known = np.asarray(there & (apart | (block.kept & run.has_contacts)))
         unseen = int((there & ~known).sum())

@@ -1,7 +1,8 @@
 """Balls that enter and leave: by the tables `[[inflow]]` and `[[outlet]]`, and by the events that tell of them.
 
     outlet      no ball of a frame is where it would have left, and a ball that left had come to such a place
-    inflow      the k-th body enters no sooner than `start + k/rate`, in the region, with its velocity within the spread
+    inflow      the k-th body enters no sooner than `start + k/rate`, in the region, with its velocity within the spread,
+                not turning, and a clump with its orientation if it has a given one
     frames      have the balls that events and the scenario say
 
 Balls with joints or loads stay. Places and velocities of a body that entered are those of the frame of its step. Balls
@@ -20,7 +21,7 @@ from carom.audit import forces
 from carom.audit.block import Block
 from carom.audit.data import Run
 from carom.audit.report import Place, Tally
-from carom.audit.vectors import EPS, norm
+from carom.audit.vectors import EPS, conjugate, norm, product, rotation_vector
 
 
 def judge(run: Run, tally: Tally) -> None:
@@ -130,6 +131,12 @@ def of_frames(block: Block, tally: Tally) -> None:
         off = np.abs(velocity[at] - given).max(axis=1, initial=0.0) - flow["spread"]
         tally.measure("flow", np.maximum(off, 0.0), 1e-12 * float(norm(given) + flow["spread"]), place)
         size = np.abs(end[at]).max(axis=1, initial=0.0) + run.radius[body[mine]]
+        tally.measure("flow", norm(block.w1[at]), 0.0, place)
+        if flow.get("turned") is False:
+            given_turn = np.array([clump.start[3:7] for clump in run.clumps])[run.clump_of[body[mine]]]
+            turned = block.c1[k[mine], run.clump_of[body[mine]], 3:7]
+            off = norm(rotation_vector(product(turned, conjugate(given_turn))))
+            tally.measure("flow", off, 16.0 * EPS, place)
         tally.measure("flow", _outside(flow["region"], end[at]), 64.0 * EPS * size, place)
 
 

@@ -183,13 +183,14 @@ def _of_step(block: Block) -> tuple[F64, Bool]:
 
 def holds_gap(block: Block, shift: F64) -> Bool:
     """(K,) whether positions were corrected along the normal of a contact: part of what moved its bodies surely is. A normal
-    that turned since the loads lends it part of theirs.
+    that turned since the loads lends it part of theirs, also where positions have taken nearly all of that back.
     """
     c = block.rows
     first, then = solved_at(block, shift)
     middle, size = unit(first + then), norm(c.position_impulse)
     normal, turned = dot(c.position_impulse, middle), norm(middle - c.normal)
-    return np.asarray(normal > (SURELY + turned) * size + (block.left(size) + block.floor)[c.k])
+    lent = turned * np.maximum(size, 0.5 * block.run.h * norm(c.impulse))
+    return np.asarray(normal > SURELY * size + lent + (block.left(size) + block.floor)[c.k])
 
 
 def unknown_across(block: Block, shift: F64) -> F64:

@@ -19,7 +19,7 @@ from carom.many.batch_result import Batch
 from carom.many.cases import Overrides, Values
 from carom.many.threads import Runner
 from carom.run.simulate import scene_of
-from carom.run.watch import Stop, Watch
+from carom.run.watch import Stop, Watch, check_function
 from carom.scene.scene import Scene
 
 
@@ -59,6 +59,7 @@ def simulate_batch(
     and `message`, has NaN for a final state and stops no other. A wrong scene or wrong names raise `ScenarioError` or
     `CaromError`.
     """
+    check_function("simulate_batch", "progress", progress, "done, cases: print(done)")
     if parameters is not None and not isinstance(parameters, Mapping):
         raise CaromError(
             f'simulate_batch: parameters must be a table of names and values, as {{"cue.velocity.x": [1.0, 2.0]}},'

@@ -161,7 +161,7 @@ class Overrides:
     def scene(self, case: int) -> Scene:
         """One case as a scene of its own: every ball single, every number written down."""
         model, tree = self.model(case), resolved_tree(self._scene._tree)
-        if len(tree.sphere) + len(self._parts) != len(self._names):
+        if tree.inflow or len(tree.sphere) + len(self._parts) != len(self._names):
             raise CaromError("a case with inflows, or of more than 10 000 balls, is no scene of single balls")
         spheres = [
             sphere.model_copy(

@@ -175,10 +175,7 @@ def check_function(caller: str, name: str, given: object, example: str) -> None:
         kind = given.__name__
         raise CaromError(f"{caller}: {name} is the class {kind}; write {name}={kind}(), with parentheses")
     if given is not None and not callable(given):
-        what = example.partition(":")[0]
-        raise CaromError(
-            f"{caller}: {name} must be a function of a {what}, as lambda {example}, found {given!r}"
-        )
+        raise CaromError(f"{caller}: {name} must be a function, as lambda {example}, found {given!r}")
 
 
 class Watch(Sink):

@@ -22,6 +22,7 @@ from carom.many.sweep.folder import Folder
 from carom.many.sweep.run import Team
 from carom.many.sweep.study import Measure
 from carom.many.sweep.table import Sweep
+from carom.run.watch import check_function
 from carom.show.plot import require_matplotlib
 from carom.show.plot.style import save
 
@@ -45,6 +46,7 @@ def fit(
     that the folder lacks, and gives the same answer. `measure(result)` returns `{name: number}`, or for curves
     `{name: (times, values)}`.
     """
+    check_function("fit", "progress", progress, "state: print(state)")
     if not isinstance(calibration, Calibration):
         calibration = Calibration.from_toml(calibration, measure)
     elif measure is not None:

@@ -16,6 +16,7 @@ from carom.many.sweep.cases import Job
 from carom.many.sweep.folder import Folder
 from carom.many.sweep.study import Measure, Study
 from carom.many.sweep.table import Sweep
+from carom.run.watch import check_function
 
 #: Pieces of a study per worker: few enough to cost nothing, enough that no worker is left alone at the end.
 PIECES = 16
@@ -65,6 +66,7 @@ def sweep(
 
     A script that calls this with workers needs `if __name__ == "__main__":` around the call, as for all processes of Python.
     """
+    check_function("sweep", "progress", progress, "progress: print(progress)")
     if not isinstance(study, Study):
         study = Study.from_toml(study, measure)
     elif measure is not None:

@@ -33,14 +33,16 @@ def check_flow(parts: Parts) -> Iterator[Finding]:
         yield from _held(parts)
     for i, inflow in parts.tables(Inflow):
         corners = _corners(inflow.region)
-        reach = inflow.reach()
-        radius = np.full(len(corners), reach)
+        offsets, radii = inflow.least()
+        places = (corners[:, None] + offsets).reshape(-1, 3)
+        radius = np.tile(radii, len(corners))
+        largest = float(inflow.radii().max())
         for wall in parts.walls():
             if wall.motion is not None and (wall.motion.until or math.inf) <= inflow.start:
                 continue  # it has been taken away by then
-            depth = -float(gaps(wall, corners, radius).min())
-            if depth > TOUCHING * reach:
-                what, away = ("clumps", "their reach") if inflow.spheres else ("balls", "one radius")
+            depth = -float(gaps(wall, places, radius).min())
+            if depth > TOUCHING * largest:
+                what, away = ("clumps", "further") if inflow.spheres else ("balls", "one radius")
                 cause = f"{what} would enter {depth:.4g} m deep in {called(wall)}"
                 cure = f"the region is that of their centres: keep it {away} away from walls"
                 yield Finding(("inflow", i, "region"), cause, cure)

@@ -34,7 +34,7 @@ from carom.scene.tables.quantities import (
 from carom.scene.tables.sizes import Sized
 
 _BOX, _DISC = ("low", "high"), ("point", "normal", "radius")
-OF_SIZES = ("radius", "diameter", "mean", "deviation", "smallest", "largest", "classes", "inertia")
+OF_SIZES = ("radius", "diameter", "mean", "deviation", "smallest", "largest", "classes", "inertia", "shares")
 """Keys of an inflow that say what `spheres` says of clumps."""
 _CURE = "give low and high (a box), or point, normal and radius (a disc)"
 
@@ -162,6 +162,8 @@ class Inflow(Sized, _Kind):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         exactly_one(self.__dict__, "mass", "density")
+        if self.size() > MOST_BALLS:
+            raise refuse(f"makes {self.size()} balls, more than {MOST_BALLS}", "reduce count")
         if self.sizes != "equal":
             for key in ("mass", "inertia"):
                 if getattr(self, key) is not None:
@@ -175,10 +177,11 @@ class Inflow(Sized, _Kind):
     def _sizes_given(self) -> Mapping[str, Any]:
         given = self.__dict__
         if self.spheres is not None:
-            others = [key for key in OF_SIZES if given[key] is not None]
-            if others or self.sizes != "equal":
-                other = others[0] if others else "sizes"
-                raise refuse(f"both spheres and {other} are given", "remove one of them")
+            others = [
+                key for key in (*OF_SIZES, "sizes") if given[key] != type(self).model_fields[key].default
+            ]
+            if others:
+                raise refuse(f"both spheres and {others[0]} are given", "remove one of them")
             return {**given, "diameter": 2.0 * max(radius for *_, radius in self.spheres)}
         if self.orientation is not None:
             raise refuse("orientation is given without spheres", "balls are round: leave it out")
@@ -212,10 +215,19 @@ class Inflow(Sized, _Kind):
         shape = self.shape()
         return _radii(self.law(), self.seed, self.count) if shape is None else self._each(shape.radii())
 
-    def reach(self) -> float:
-        """How far what enters reaches from its centre of mass at most, m."""
+    def least(self) -> tuple[F64, F64]:
+        """Balls that what enters takes up in any case: centres (k, 3) from that of mass, and radii (k,), m.
+
+        Of clumps that are turned at random it is a ball about the centre of mass, or nothing but that point.
+        """
         shape = self.shape()
-        return float(self.radii().max()) if shape is None else shape.reach()
+        if shape is None:
+            return np.zeros((1, 3)), np.array([self.radii().max()])
+        offsets, radii = shape.centres() - shape.middle(), shape.radii()
+        if self.orientation is not None:
+            return offsets, radii
+        about = max(0.0, float((radii - np.linalg.norm(offsets, axis=1)).max()))
+        return np.zeros((1, 3)), np.array([about])
 
     def _each(self, values: F64) -> F64:
         """Those of the balls of one clump for all of them."""
