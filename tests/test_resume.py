@@ -1,4 +1,4 @@
-"""Resuming: from which checkpoint, with which options, and what is refused, with the stand-in for the core."""
+"""Resuming: from which checkpoint, with which options, and what is refused."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 import carom
 import fake_sim
 import pytest
-from carom import CaromError
+from carom import CaromError, _core
 from carom.result.record import Rows
 from carom.run import checkpoint
 from carom.run.sinks import Progress
@@ -21,10 +21,9 @@ from fake_runs import everything, interrupted
 
 
 @pytest.fixture
-def scene(monkeypatch: pytest.MonkeyPatch) -> fake_sim.Scene:
-    """A scene for the stand-in, which takes the place of the core for one test."""
-    fake_sim.install(monkeypatch)
-    return fake_sim.Scene()
+def scene() -> carom.Scene:
+    """Two balls that hop on a plane for a second."""
+    return fake_sim.hopping("one", "two")
 
 
 def about(run: Path) -> dict[str, Any]:
@@ -170,8 +169,8 @@ def test_a_checkpoint_of_another_version_is_taken_only_if_that_is_asked_for(
     run = tmp_path / "run"
     carom.simulate(scene, until=0.1, out=run)
     carom.simulate(scene, until=0.2, out=tmp_path / "whole")
-    monkeypatch.setattr(fake_sim, "__version__", "newer")
-    with pytest.raises(CaromError, match=r"it is of Carom fake, this is newer, .* or give --any-version"):
+    monkeypatch.setattr(_core, "__version__", "newer")
+    with pytest.raises(CaromError, match=r"it is of Carom [\d.]+, this is newer, .* or give --any-version"):
         carom.resume(run, until=0.2)
     carom.resume(run, until=0.2, any_version=True)
     assert everything(run) == everything(tmp_path / "whole")

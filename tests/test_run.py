@@ -1,4 +1,4 @@
-"""Running, recording and resuming, with a stand-in for the core that fails or dawdles when it is asked to."""
+"""Running, recording and resuming, also where the core fails or dawdles."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from carom import CaromError, CaromWarning
 from carom.result.directory import RunDir
 from carom.result.record import Rows, Segments, Writer
 from carom.run import checkpoint
+from carom.run.loop import begin
 from carom.run.sinks import Progress
 from carom.scene.plan import Plan, thinned
 from fake_runs import everything
@@ -32,10 +33,9 @@ ATTRIBUTES = {"step": 1e-3, "every": 1, "gravity": np.zeros(3)}
 
 
 @pytest.fixture
-def scene(monkeypatch: pytest.MonkeyPatch) -> fake_sim.Scene:
-    """A scene for the stand-in, which takes the place of the core for one test."""
-    fake_sim.install(monkeypatch)
-    return fake_sim.Scene()
+def scene() -> carom.Scene:
+    """Two balls that hop on a plane for a second."""
+    return fake_sim.hopping("one", "two")
 
 
 # --- the plan -------------------------------------------------------------------------------------------------------
@@ -82,16 +82,18 @@ def test_nothing_is_replaced_unasked_and_nobody_elses_files_ever(scene: Any, tmp
         carom.simulate(scene, until=0.01, out=tmp_path / "file")
 
 
-def test_a_wrong_scene_leaves_nothing_and_replaces_nothing(scene: Any, tmp_path: Path) -> None:
+def test_a_wrong_scene_leaves_nothing_and_replaces_nothing(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = tmp_path / "run"
     carom.simulate(scene, until=0.01, out=run)
     before = everything(run)
     model = scene.to_model()
     model["radius"] = -model["radius"]
-    spoilt = type("Spoilt", (fake_sim.Scene,), {"to_model": lambda self: model})()
+    monkeypatch.setattr(carom.Scene, "to_model", lambda self: model)
     for out in (run, tmp_path / "new"):
-        with pytest.raises(CaromError, match="radius must be positive"):
-            carom.simulate(spoilt, until=0.01, out=out, force=True)
+        with pytest.raises(CaromError, match=r"radius of sphere 0: .* must be above 0"):
+            carom.simulate(scene, until=0.01, out=out, force=True)
     assert everything(run) == before
     assert not (tmp_path / "new").exists()
 
@@ -125,7 +127,10 @@ def test_what_is_not_a_run_is_called_so(tmp_path: Path) -> None:
 # --- recording ------------------------------------------------------------------------------------------------------
 
 
-def test_the_file_can_be_read_while_it_is_written_and_explains_itself(scene: Any, tmp_path: Path) -> None:
+def test_the_file_can_be_read_while_it_is_written_and_explains_itself(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_sim.spoil(monkeypatch, delay=1e-3)
     seen: list[int] = []
 
     def look(now: Progress) -> None:
@@ -139,7 +144,7 @@ def test_the_file_can_be_read_while_it_is_written_and_explains_itself(scene: Any
         seen.append(len(result))
         result.close()
 
-    carom.simulate(scene, until=0.3, delay=1e-3, out=tmp_path / "run", progress=look)
+    carom.simulate(scene, until=0.3, out=tmp_path / "run", progress=look)
     assert len(seen) >= 2
     assert seen == sorted(seen)
     with h5py.File(tmp_path / "run" / "results.h5") as file:  # plain h5py, no Carom
@@ -151,7 +156,7 @@ def test_the_file_can_be_read_while_it_is_written_and_explains_itself(scene: Any
 
 
 def test_only_what_was_committed_is_read(scene: Any, tmp_path: Path) -> None:
-    simulation = fake_sim.Simulation(scene.to_model())
+    simulation = begin(scene.to_model())
     writer = Writer(
         tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes=ATTRIBUTES
     )
@@ -178,7 +183,7 @@ def test_a_block_torn_by_a_kill_is_an_error_and_no_wait_for_ever(scene: Any, tmp
     writer = Writer(
         tmp_path / "x.h5", bodies={"name": ["one", "two"]}, planes={"name": []}, attributes=ATTRIBUTES
     )
-    writer.append(fake_sim.Simulation(scene.to_model()).advance(100, 1, True, 9.0))
+    writer.append(begin(scene.to_model()).advance(100, 1, True, 9.0))
     writer.commit()
     content = bytearray((tmp_path / "x.h5").read_bytes())  # as a killed process leaves it
     writer.close()
@@ -188,21 +193,21 @@ def test_a_block_torn_by_a_kill_is_an_error_and_no_wait_for_ever(scene: Any, tmp
         torn = content.copy()
         torn[at + 20] ^= 0xFF
         (tmp_path / f"{k}.h5").write_bytes(torn)
-        begin = time.monotonic()
+        started = time.monotonic()
         try:
             segments = Segments([tmp_path / f"{k}.h5"])
             for column in ("position", "time", "velocity"):
                 np.asarray(segments.column("frames", column))
         except CaromError:
             seen += 1
-        assert time.monotonic() - begin < 10
+        assert time.monotonic() - started < 10
         if seen == 3:
             break
     assert seen == 3
 
 
 def test_columns_are_data(scene: Any, tmp_path: Path) -> None:
-    block = dict(fake_sim.Simulation(scene.to_model()).advance(10, 1, True, 9.0))
+    block = dict(begin(scene.to_model()).advance(10, 1, True, 9.0))
     block["steps"] = {**block["steps"], "novelty": np.arange(20, dtype=np.int16).reshape(10, 2)}
     writer = Writer(
         tmp_path / "x.h5", bodies={"name": ["one"]}, planes={"name": ["bed"]}, attributes=ATTRIBUTES
@@ -233,9 +238,12 @@ def test_results_end_at_the_end_even_off_the_grid_of_frames(scene: Any, tmp_path
 # --- what goes wrong ------------------------------------------------------------------------------------------------
 
 
-def test_a_step_that_cannot_be_solved_stops_with_all_before_it(scene: Any, tmp_path: Path) -> None:
+def test_a_step_that_cannot_be_solved_stops_with_all_before_it(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_sim.spoil(monkeypatch, fail_at=256)
     with pytest.raises(carom.RunFailed) as caught:
-        carom.simulate(scene, until=1.0, every=10, fail_at=256, out=tmp_path / "run")
+        carom.simulate(scene, until=1.0, every=10, out=tmp_path / "run")
     assert str(caught.value) == (
         "not converged at step 256, t = 0.256 s in the position sub-problem between one and bed (residual 0.5);"
         " the contact problem is in failing_problem.h5; halve the step"
@@ -266,10 +274,9 @@ FULL_DISK = """
 import resource, sys
 sys.path.insert(0, {tests!r})
 import fake_sim, carom
-fake_sim.install()
 resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, {hard}))
 try:
-    carom.simulate(fake_sim.Scene(), until=20.0, every=1, out={run!r})
+    carom.simulate(fake_sim.hopping("one", "two"), until=20.0, every=1, out={run!r})
 except carom.CaromError as error:
     print(error)
 """
