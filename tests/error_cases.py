@@ -13,11 +13,14 @@ import numpy as np
 from carom import Scene
 
 SPHERE = 'material = "ball"\nradius = 0.01\nmass = 1.0\n'
-LATTICE = f'[[lattice]]\nname = "{{0}}"\n{SPHERE}counts = [1000, 600, 1]\norigin = [3,3,3]\n'
+LATTICE = f'[[lattice]]\nname = "l"\n{SPHERE}'
+HALF = LATTICE + "counts = [1000, 600, 1]\norigin = [3,3,3]\n"
 ROD = '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\n'
 MOTION = '[[joint]]\ntype = "motion"\nbody = "cue"\ndirection = [1,0,0]\n'
+RACK = f'[[rack]]\nname = "r"\n{SPHERE}apex = [3,3,3]\ndirection = [1,0,0]\n'
+SPRING = '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\n'
 WALL = '[[{0}]]\nname = "w"\nmaterial = "cloth"\n'
-FREE_PLANE = WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
+PLANE = WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
 INFLOW = f'[[inflow]]\nname = "in"\n{SPHERE}count = 2\nrate = 1.0\nseed = 1\n'
 FAR = "region = { low = [3,3,3], high = [4,4,4] }\n"
 PACKING = '[[packing]]\nname = "p"\nmaterial = "ball"\ndensity = 1000.0\nseed = 1\ncount = 2\n'
@@ -28,6 +31,7 @@ RODS = INFLOW.replace("radius = 0.01", "spheres = [[-0.01, 0, 0, 0.01], [0.01, 0
 CORNERS = "[[9.0, 9.0, 9.0], [9.1, 9.0, 9.0], [9.0, 9.1, 9.0]]"
 BOX = "low = [-1.0, -1.0, 1.0]\nhigh = [1.0, 1.0, 2.0]\n"
 
+PERIODIC = "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [{0}]"
 DEFORMED = "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 5.0, 0.0]\ndeformation = {{ {0} }}"
 IN_RUN = 'step = 1e-3\nmethod = "{0}"\n\n[world]\n'
 SHEARED = DEFORMED.format('shear = { expression = "t" }, flow = "x", gradient = "y"')
@@ -43,18 +47,19 @@ STRAINED = (
     '[[contact]]\nbetween = ["ball", "cloth"]\nfriction = 0.0'
 )
 
+
+def force(z: str) -> str:
+    """A load on the cue ball, upwards."""
+    return f'[[load]]\non = "cue"\nforce = [0,0,{z}]\n'
+
+
 #: cause -> (key that the message names, piece to add); several where several messages share the cause.
 PIECES: dict[str, list[tuple[str, str]]] = {
     "... is above ..., more than any pair of solids has: such contacts stick": [
         ("friction", "friction = 0.2 -> friction = 20.0")
     ],
     '"all" would act on balls that enter in the course of the run, and what enters must be free': [
-        (
-            "drag",
-            INFLOW
-            + "region = { low = [3,3,3], high = [4,4,4] }\n"
-            + '[[drag]]\non = "all"\ntranslation = 1.0\n',
-        )
+        ("drag", INFLOW + FAR + '[[drag]]\non = "all"\ntranslation = 1.0\n')
     ],
     "centre is given without inertia: with another centre of mass the body is not homogeneous": [
         ("clump", RIGID + "centre = [0, 0, 0]\n")
@@ -71,7 +76,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... not act in a scene with clumps yet": [
         ("joint", RIGID + '[[joint]]\ntype = "fix"\nbody = "cue"\n'),
         ("load", RIGID + '[[load]]\non = "cue"\nforce = [0, 0, 1]\n'),
-        ("spring", RIGID + '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\n'),
+        ("spring", RIGID + SPRING),
         ("drag", RIGID + '[[drag]]\non = "cue"\ntranslation = 1.0\n'),
         ("load_function", RIGID + '[[load_function]]\nname = "f"\n'),
     ],
@@ -95,35 +100,27 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "clump ... is ... m long, and the period along ... ... m...": [
         (
             "spheres",
-            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.15, 0, 0]\n\n"
+            PERIODIC.format("0.15, 0, 0")
+            + "\n\n"
             + CLUMP
             + "spheres = [[0, 0, 0, 0.01], [0.16, 0, 0, 0.01]]\n",
         )
     ],
     "... enters in the course of the run, and what enters must be free": [
-        (
-            "load",
-            INFLOW
-            + "region = { low = [3,3,3], high = [4,4,4] }\n"
-            + '[[load]]\non = "in1"\nforce = [0,0,1]\n',
-        )
+        ("load", INFLOW + FAR + '[[load]]\non = "in1"\nforce = [0,0,1]\n')
     ],
     "a free wall is a plane without end, and ... is given": [
-        ("radius", FREE_PLANE + "radius = 1.0\nfree = { mass = 1.0 }\n")
+        ("radius", PLANE + "radius = 1.0\nfree = { mass = 1.0 }\n")
     ],
-    "both motion and free are given": [
-        ("free", FREE_PLANE + "motion = { until = 1.0 }\nfree = { mass = 1.0 }\n")
-    ],
+    "both motion and free are given": [("free", PLANE + "motion = { until = 1.0 }\nfree = { mass = 1.0 }\n")],
     "both force and pressure are given": [
-        ("free.pressure", FREE_PLANE + "free = { mass = 1.0, force = 1.0, pressure = 1.0, area = 1.0 }\n")
+        ("free.pressure", PLANE + "free = { mass = 1.0, force = 1.0, pressure = 1.0, area = 1.0 }\n")
     ],
-    "area is given without pressure": [("free.area", FREE_PLANE + "free = { mass = 1.0, area = 1.0 }\n")],
+    "area is given without pressure": [("free.area", PLANE + "free = { mass = 1.0, area = 1.0 }\n")],
     "pressure without area, and no rectangle across the normal that it could act on": [
-        ("free.pressure", FREE_PLANE + "free = { mass = 1.0, pressure = 1.0 }\n")
+        ("free.pressure", PLANE + "free = { mass = 1.0, pressure = 1.0 }\n")
     ],
-    "... balls do not fill a ...": [
-        ("rack", f'[[rack]]\nname = "r"\n{SPHERE}balls = 7\napex = [3,3,3]\ndirection = [1,0,0]\n')
-    ],
+    "... balls do not fill a ...": [("rack", RACK + "balls = 7\n")],
     "... do not go together": [
         (
             "region",
@@ -163,22 +160,12 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "orientation is given without spheres": [("inflow", INFLOW + FAR + "orientation = [1, 0, 0, 0]\n")],
     "balls would leave where they enter: the region lies where an outlet removes them": [
-        (
-            "region",
-            INFLOW
-            + "region = { low = [3,3,3], high = [4,4,4] }\n[[outlet]]\nlow = [2,2,2]\nhigh = [5,5,5]\n",
-        )
+        ("region", INFLOW + FAR + "[[outlet]]\nlow = [2,2,2]\nhigh = [5,5,5]\n")
     ],
     "balls that enter in a part of the region leave at once: an outlet removes them there": [
-        (
-            "region",
-            INFLOW
-            + "region = { low = [3,3,3], high = [4,4,4] }\n[[outlet]]\nlow = [3.9,2,2]\nhigh = [5,5,5]\n",
-        )
+        ("region", INFLOW + FAR + "[[outlet]]\nlow = [3.9,2,2]\nhigh = [5,5,5]\n")
     ],
-    "no ball enters: the run ends at ... s, before ... s": [
-        ("start", INFLOW + "region = { low = [3,3,3], high = [4,4,4] }\nstart = 10.0\n")
-    ],
+    "no ball enters: the run ends at ... s, before ... s": [("start", INFLOW + FAR + "start = 10.0\n")],
     "all balls that are there at the start leave at once: they start where it removes them": [
         ("outlet", "[[outlet]]\nlow = [-9,-9,-9]\nhigh = [9,9,9]\n")
     ],
@@ -193,46 +180,34 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         )
     ],
     "... is declared twice": [("name", '[[material]]\nname = "ball"\n')],
-    "... is no kind of law": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ formula = "t" }]\n')],
+    "... is no kind of law": [("load", force('{ formula = "t" }'))],
     "a key of ... parts": [("deep", "deep" + 1000 * ".a" + " = 1\n")],
-    "a law has one key, found ...": [
-        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "t", table = [[0,0],[1,1]] }]\n')
-    ],
-    "... must rise from point to point, found ... after ...": [
-        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ table = [[1,0],[0,1]] }]\n')
-    ],
+    "a law has one key, found ...": [("load", force('{ expression = "t", table = [[0,0],[1,1]] }'))],
+    "... must rise from point to point, found ... after ...": [("load", force("{ table = [[1,0],[0,1]] }"))],
     "must be ... everywhere, found ... at ... = ...": [
         ("contact", "restitution = 0.5 -> restitution = { table = [[0, 0.5], [1, 2.0]] }")
     ],
     "cohesion is given without rupture_distance": [
         ("contact", "restitution = 0.5 -> restitution = 0.5\ncohesion = 0.1")
     ],
-    "expected a formula, found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = 3 }]\n')],
-    "cannot read ...: ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "2*" }]\n')],
-    "unknown name ... in ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "x" }]\n')],
-    "expected a list of ..., found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,{ table = 3 }]\n')],
-    "expected ... to ... ..., found ...": [
-        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ table = [[0,0]] }]\n')
-    ],
+    "expected a formula, found ...": [("load", force("{ expression = 3 }"))],
+    "cannot read ...: ...": [("load", force('{ expression = "2*" }'))],
+    "unknown name ... in ...": [("load", force('{ expression = "x" }'))],
+    "expected a list of ..., found ...": [("load", force("{ table = 3 }"))],
+    "expected ... to ... ..., found ...": [("load", force("{ table = [[0,0]] }"))],
     "expected a list of 3 numbers or laws, found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0]\n')],
     "expected a number or a law, found ...": [
         ("friction", "friction = 0.2 -> friction = [1.0]"),
         ("friction", 'friction = 0.2 -> friction = "0.2 - v"'),
     ],
-    "has no finite value at ... = 0...": [
-        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "1/t" }]\n')
-    ],
+    "has no finite value at ... = 0...": [("load", force('{ expression = "1/t" }'))],
     "neither force nor torque is given": [("load", '[[load]]\non = "cue"\n')],
     "... has no finite value at t = ... s...": [
-        (
-            "motion",
-            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
-            'motion = { translation = [0,0,{ expression = "t/(0.5-t)" }] }\n',
-        )
+        ("motion", PLANE + 'motion = { translation = [0,0,{ expression = "t/(0.5-t)" }] }\n')
     ],
     "has no finite value at t = ... s...": [
         ("world.deformation", STRETCHED.replace("{0}", '{ expression = "1 + t/(0.5-t)" }')),
-        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "1/(0.5-t)" }]\n'),
+        ("load", force('{ expression = "1/(0.5-t)" }')),
     ],
     "... is no sphere": [("load", '[[load]]\non = "ground"\nforce = [0,0,1]\n')],
     'a sphere is called "all", which here means every sphere': [
@@ -247,9 +222,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "is missing: a point of the ground must be given": [
         ("points", '[[spring]]\nbetween = ["cue", "ground"]\nstiffness = 1.0\n')
     ],
-    "expected ... vectors, found ...": [
-        ("points", '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\npoints = [[0,0,0]]\n')
-    ],
+    "expected ... vectors, found ...": [("points", SPRING + "points = [[0,0,0]]\n")],
     "stiffness and damping are both zero": [
         ("spring", '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 0.0\n')
     ],
@@ -257,11 +230,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("spring", '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1e9\n')
     ],
     "both ends of the spring are at the same point, so that it has no direction": [
-        (
-            "spring",
-            '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1.0\nrest_length = 0.1\n'
-            "points = [[0.25,0,0.028575],[0.25,0,0.028575]]\n",
-        )
+        ("spring", SPRING + "rest_length = 0.1\npoints = [[0.25,0,0.028575],[0.25,0,0.028575]]\n")
     ],
     "there are two load functions ...": [
         ("name", '[[load_function]]\nname = "f"\n[[load_function]]\nname = "f"\n')
@@ -284,16 +253,11 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "direction and up are parallel": [
         ("rack", f'[[rack]]\nname = "r"\n{SPHERE}rows = 2\napex = [3,3,3]\ndirection = [0,0,1]\n')
     ],
-    "jitter is given without a seed": [
-        (
-            "rack",
-            f'[[rack]]\nname = "r"\n{SPHERE}rows = 2\njitter = 0.1\napex = [3,3,3]\ndirection = [1,0,0]\n',
-        )
-    ],
+    "jitter is given without a seed": [("rack", RACK + "rows = 2\njitter = 0.1\n")],
     "makes ... balls, more than ...": [
-        ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1000, 1000, 1000]\norigin = [3,3,3]\n')
+        ("lattice", LATTICE + "counts = [1000, 1000, 1000]\norigin = [3,3,3]\n")
     ],
-    "with this table there are more than ... balls": [("lattice", LATTICE.format("l") + LATTICE.format("k"))],
+    "with this table there are more than ... balls": [("lattice", HALF + HALF.replace('"l"', '"k"'))],
     "... steps write about ... GB: each has a row in the table of steps": [
         ("run.until", "until = 1.0 -> until = 1e6")
     ],
@@ -304,22 +268,20 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         )
     ],
     "expected a list of ... whole numbers, found ...": [
-        ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [2, 2]\norigin = [3,3,3]\n')
+        ("lattice", LATTICE + "counts = [2, 2]\norigin = [3,3,3]\n")
     ],
     "spheres ... overlap at the start, gap ... m": [
-        ("lattice", f'[[lattice]]\nname = "l"\n{SPHERE}counts = [1, 1, 1]\norigin = [0.0, 0.0, 0.03]\n')
+        ("lattice", LATTICE + "counts = [1, 1, 1]\norigin = [0.0, 0.0, 0.03]\n")
     ],
     "... under gravity make a pile: pile_tolerance = ... takes ... times as long as ..., or stops unconverged": [
-        (
-            "run.pile_tolerance",
-            f'[[lattice]]\nname = "l"\n{SPHERE}counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n',
-        )
+        ("run.pile_tolerance", LATTICE + "counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n")
     ],
     '... under gravity make a pile: position_friction = "paper" takes ... times as long as "once"': [
         (
             "run.position_friction",
             'step = 1e-3 -> step = 1e-3\npile_tolerance = 1e-4\nposition_friction = "paper"\n'
-            f'[[lattice]]\nname = "l"\n{SPHERE}counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n',
+            + LATTICE
+            + "counts = [10, 10, 5]\nspacing = 0.03\norigin = [3,3,3]\n",
         )
     ],
     "a ... has no periodic axes": [
@@ -356,10 +318,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "... needs ...": [("packing", PACKING + "diameter = 0.01\nlow = [3,3,3]\n")],
     "a period of ... m along ... is below ... radii of the largest ball": [
-        (
-            "world.periodic",
-            "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.1, 0.0, 0.0]",
-        )
+        ("world.periodic", PERIODIC.format("0.1, 0.0, 0.0"))
     ],
     "neither stretch nor shear is given": [("world.deformation", DEFORMED.format(""))],
     "shear is given without ...": [
@@ -412,9 +371,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "shortens the period along ... to ... m at t = ... s, below ... radii of the largest ball": [
         ("world.deformation", STRETCHED.replace("{0}", "{ table = [[0.0, 1.0], [0.5, 0.01]] }"))
     ],
-    "... is not the same from period to period along ...": [
-        ("plane", "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [0.0, 0.0, 5.0]")
-    ],
+    "... is not the same from period to period along ...": [("plane", PERIODIC.format("0.0, 0.0, 5.0"))],
     "... turns about an axis that is not along ..., which is periodic": [
         (
             "motion.rotation",
@@ -431,7 +388,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     ],
     "is ... m, and walls have lengths from ... to ... m": [
         ("radius", WALL.format("cylinder") + "point = [0,0,0]\naxis = [0,0,1]\nradius = 1e200\n"),
-        ("size", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nsize = [1e-80, 1]\n"),
+        ("size", PLANE + "size = [1e-80, 1]\n"),
         ("radius", WALL.format("ball_wall") + "point = [0,0,0]\nradius = 1e-80\ninside = false\n"),
     ],
     "a step of ... s moves ... by ... radii: impacts on planes may be missed": [
@@ -465,32 +422,23 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("friction", 'friction = 0.2 -> friction = { expression = "v - 1" }')
     ],
     "... m/s of it are along the normal of ...: a surface slips only within itself": [
-        (
-            "motion.surface_velocity",
-            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
-            "motion = { surface_velocity = [1,0,1] }\n",
-        )
+        ("motion.surface_velocity", PLANE + "motion = { surface_velocity = [1,0,1] }\n")
     ],
     "... reaches ... m/s, more than the ... m/s of any run": [
-        (
-            "motion",
-            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
-            'motion = { translation = [0,0,{ expression = "1e300*t" }] }\n',
-        )
+        ("motion", PLANE + 'motion = { translation = [0,0,{ expression = "1e300*t" }] }\n')
     ],
     "the wall stays: the run ends at ... s, and it would be taken away at ... s": [
-        ("motion", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = { until = 2.0 }\n")
+        ("motion", PLANE + "motion = { until = 2.0 }\n")
     ],
     "the law jumps by ... ... at t = ... s": [
         (
             "motion.translation",
-            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
-            'motion = { translation = [0,0,{ expression = "0.001*floor(t/0.3)" }] }\n',
+            PLANE + 'motion = { translation = [0,0,{ expression = "0.001*floor(t/0.3)" }] }\n',
         ),
         (
             "motion.rotation",
-            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
-            'motion = { rotation = { axis = [0,0,1], angle = { expression = "0.01*(1+sign(t-0.5))" } } }\n',
+            PLANE
+            + 'motion = { rotation = { axis = [0,0,1], angle = { expression = "0.01*(1+sign(t-0.5))" } } }\n',
         ),
     ],
     "a step of ... s moves ... by ... radii of the smallest ball": [
@@ -533,17 +481,11 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("mesh", WALL.format("mesh") + f'file = "{__file__}"\n')
     ],
     "must be 0 at t = 0, where the wall stands as written; found ...": [
-        (
-            "motion",
-            WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\n"
-            "motion = { translation = [0,0,{ table = [[0,1],[1,2]] }] }\n",
-        )
+        ("motion", PLANE + "motion = { translation = [0,0,{ table = [[0,1],[1,2]] }] }\n")
     ],
-    "none of ... is given": [
-        ("motion", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = {}\n")
-    ],
+    "none of ... is given": [("motion", PLANE + "motion = {}\n")],
     "expected a table, found ...": [
-        ("motion", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nmotion = 3\n"),
+        ("motion", PLANE + "motion = 3\n"),
         ("case", "format = 1 -> format = 1\ncase = [3]"),
     ],
     "all six sides are open": [
@@ -559,14 +501,10 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("position", WALL.format("ball_wall") + "point = [0,0,0]\nradius = 0.01\ninside = false\n")
     ],
     "both size (a rectangle) and radius (a disc) are given": [
-        ("plane", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nsize = [1,1]\nradius = 1\n")
+        ("plane", PLANE + "size = [1,1]\nradius = 1\n")
     ],
-    "side is given without size": [
-        ("side", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nside = [1,0,0]\n")
-    ],
-    "is parallel to the normal": [
-        ("side", WALL.format("plane") + "point = [0,0,-9]\nnormal = [0,0,1]\nsize = [1,1]\nside = [0,0,1]\n")
-    ],
+    "side is given without size": [("side", PLANE + "side = [1,0,0]\n")],
+    "is parallel to the normal": [("side", PLANE + "size = [1,1]\nside = [0,0,1]\n")],
     "radius and radius_end are equal: this is a cylinder": [
         (
             "cone",
@@ -622,24 +560,12 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "is missing in a joint of type ...": [
         ("joint", '[[joint]]\ntype = "ball"\nbetween = ["cue", "other"]\n')
     ],
-    "a joint of type ... has no key ...": [
-        ("joint", '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\naxis = [0,0,1]\n')
-    ],
+    "a joint of type ... has no key ...": [("joint", ROD + "axis = [0,0,1]\n")],
     "both ends of the rod are at the same point": [
-        (
-            "joint",
-            '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\npoints = [[0.25,0,0.028575],[0.25,0,0.028575]]\n',
-        )
+        ("joint", ROD + "points = [[0.25,0,0.028575],[0.25,0,0.028575]]\n")
     ],
-    "is ... m at t = 0, but the ends are ... m apart": [
-        ("joint", '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\nlength = 0.4\n')
-    ],
-    "falls to ... m at t = ... s": [
-        (
-            "joint",
-            '[[joint]]\ntype = "rod"\nbetween = ["cue", "other"]\nlength = { expression = "0.5 - t^2" }\n',
-        )
-    ],
+    "is ... m at t = 0, but the ends are ... m apart": [("joint", ROD + "length = 0.4\n")],
+    "falls to ... m at t = ... s": [("joint", ROD + 'length = { expression = "0.5 - t^2" }\n')],
     "expected any number of tables, found ...": [("case", "[case]\nx = 1\n")],
     "expected one table, found ...": [("parameters", "[[parameters]]\nx = 1\n")],
     "expected a number or an expression, found ...": [("parameters", "[parameters]\nx = true\n")],
@@ -652,10 +578,8 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("until", 'until = 1.0 -> until = "= y"'),
         ("until", '[run]\nuntil = 1.0 -> [parameters]\nyy = 1.0\n[run]\nuntil = "= y"'),
     ],
-    "... is not a number: it depends on ...": [("load", '[[load]]\non = "cue"\nforce = [0,0,"= 2*t"]\n')],
-    'the formula of a law has no "=" in front: ...': [
-        ("load", '[[load]]\non = "cue"\nforce = [0,0,{ expression = "= t" }]\n')
-    ],
+    "... is not a number: it depends on ...": [("load", force('"= 2*t"'))],
+    'the formula of a law has no "=" in front: ...': [("load", force('{ expression = "= t" }'))],
 }
 
 
