@@ -11,6 +11,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Array, Bool
 from carom.errors import CaromError
+from carom.numeric import is_whole
 from carom.result.data import RunData
 from carom.result.kinematics import QUANTITIES
 from carom.result.record import Column
@@ -80,7 +81,7 @@ class Selection:
         time = np.asarray(result.time)
         if not len(time):
             raise CaromError(f"{result.origin} holds no frames yet; there is nothing to export")
-        if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
+        if not is_whole(every) or every < 1:
             raise CaromError(f"every: {every!r} is no whole number from 1; 1 takes every recorded frame")
         for name, value in (("start", start), ("stop", stop)):
             if value is not None and not isinstance(value, int | float | np.number):

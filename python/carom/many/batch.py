@@ -18,6 +18,7 @@ from carom.errors import CaromError, CaromWarning
 from carom.many.batch_result import Batch
 from carom.many.cases import Overrides, Values
 from carom.many.threads import Runner
+from carom.numeric import is_whole
 from carom.run.simulate import scene_of
 from carom.run.watch import Stop, Watch, check_function
 from carom.scene.scene import Scene
@@ -89,7 +90,7 @@ def usable_processors() -> int:
 def _threads(given: int | None) -> int:
     if given is None:
         return usable_processors()
-    if isinstance(given, bool) or not isinstance(given, int) or given < 1:
+    if not is_whole(given) or given < 1:
         raise CaromError(f"simulate_batch: threads must be a whole number from 1 on, found {given!r}")
     return given
 

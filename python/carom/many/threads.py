@@ -15,6 +15,7 @@ from carom.arrays import Array
 from carom.errors import CaromError
 from carom.many.batch_result import ENDED, KINEMATICS, Batch
 from carom.many.cases import Overrides
+from carom.numeric import is_whole
 from carom.run.loop import Sink, begin, drive
 from carom.scene.checks.walls import touching
 from carom.scene.plan import MOST_BYTES, Plan
@@ -74,7 +75,7 @@ class Runner:
         impacts: bool,
         watch: Watch | None = None,
     ) -> None:
-        if frames is not None and (isinstance(frames, bool) or not isinstance(frames, int) or frames < 1):
+        if frames is not None and (not is_whole(frames) or frames < 1):
             raise CaromError(f"simulate_batch: frames must be a number of steps from 1 on, found {frames!r}")
         self.scenes, self.overrides, self.every, self.keep_impacts = scenes, overrides, frames, impacts
         self.watch = watch

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import warnings
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ import numpy as np
 
 from carom.errors import CaromError, quoted
 from carom.measure.events import AtRest
+from carom.numeric import is_finite
 from carom.play.sight import Sight
 from carom.run.simulate import simulate
 from carom.scene import billiards
@@ -58,7 +58,7 @@ class Aim:
             if name not in usual:
                 raise CaromError(f"play: a stroke has no {quoted(str(name))}; it has {', '.join(usual)}")
             truth = isinstance(usual[name], bool)
-            if not (isinstance(value, bool) if truth else _finite(value)):
+            if not (isinstance(value, bool) if truth else is_finite(value)):
                 told = "true or false" if truth else "a finite number"
                 raise CaromError(f"play: {name} must be {told}, found {value!r}")
         aim = cls(**given)
@@ -187,7 +187,7 @@ class Game:
     def place(self, name: str, at: tuple[float, float]) -> None:
         """Move a ball by hand; refused where it would overlap something."""
         ball = self.ball(name)
-        if not all(_finite(x) for x in at):
+        if not all(map(is_finite, at)):
             raise CaromError(f"play: a place is two finite numbers, found {at!r}")
         check_place(self.table, name, (*at, ball.radius), ball.radius)
         for other in self.scene.spheres:
@@ -245,8 +245,3 @@ def set_up(table: str, rack: str, seed: int) -> Scene:
 def _with_balls(scene: Scene, balls: list[Sphere]) -> Scene:
     """The scene with these balls in place of its own; all else is shared."""
     return Scene._of(scene._tree.model_copy(update={"sphere": balls}))
-
-
-def _finite(value: Any) -> bool:
-    """False also for NaN, for integers beyond all floats, and for true and false."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

@@ -25,6 +25,7 @@ from carom import _core
 from carom.arrays import F64
 from carom.errors import CaromError, counted, did_you_mean, one_line
 from carom.files import write_whole
+from carom.numeric import is_whole
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.fclib import write_fclib
 from carom.problem.global_ import GlobalProblem, invert
@@ -329,8 +330,7 @@ def _positive(name: str, value: Any, *, infinite: bool = False) -> None:
 
 
 def _count(name: str, value: Any) -> None:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not (whole and 1 <= value < 2**31):
+    if not (is_whole(value) and 1 <= value < 2**31):
         raise refuse(name, f"{value!r}", "it must be a whole number above 0")
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carom.arrays import F64, I64, Array, Bool
 from carom.errors import CaromError, counted, did_you_mean, extra
+from carom.numeric import is_number, is_whole
 from carom.result.tables import Contacts, Energy, Impacts, Static, Steps, UnknownName
 
 if TYPE_CHECKING:
@@ -377,7 +378,7 @@ def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
     if isinstance(wanted, slice):
         start, stop = wanted.start, wanted.stop
         for end in (start, stop, wanted.step):
-            if end is not None and (isinstance(end, bool) or not isinstance(end, str | int | np.integer)):
+            if end is not None and not (isinstance(end, str) or is_whole(end)):
                 raise CaromError(
                     f'sel: a slice of bodies is of names or numbers, as slice("a", "c"), found {end!r}'
                 )
@@ -390,7 +391,7 @@ def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
 
 
 def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None = None) -> int:
-    if isinstance(wanted, int | np.integer) and not isinstance(wanted, bool):
+    if is_whole(wanted):
         if not -len(names) <= wanted < len(names):
             raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
         return range(len(names))[int(wanted)]
@@ -401,6 +402,6 @@ def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None =
 
 
 def _seconds(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+    if not is_number(value):
         raise CaromError(f"sel: times are numbers in s, found {value!r}")
     return float(value)

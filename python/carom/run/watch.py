@@ -15,6 +15,7 @@ import numpy as np
 
 from carom.arrays import F64, Array
 from carom.errors import CaromError
+from carom.numeric import is_whole
 from carom.result.kinematics import Body, Motion
 from carom.run.loop import Sink
 from carom.scene.assembly.rotations import rotated_back
@@ -186,7 +187,7 @@ class Watch(Sink):
     ) -> None:
         check_function(caller, "callback", callback, "view: view.time > 1")
         check_function(caller, "stop", stop, "view: view.time > 1")
-        if every is not None and (isinstance(every, bool) or not isinstance(every, int) or every < 1):
+        if every is not None and (not is_whole(every) or every < 1):
             raise CaromError(f"{caller}: callback_every must be a number of steps from 1 on, found {every!r}")
         self._callback, self._stop, self.every = callback, stop, every
         self.names: Sequence[str] = ()

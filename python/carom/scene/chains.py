@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from numbers import Integral
 from typing import Any
 
 from carom.errors import CaromError
+from carom.numeric import is_whole
 from carom.scene.billiards.arguments import number
 from carom.scene.scene import Scene
 
@@ -113,7 +113,7 @@ def _radii(call: str, count: int, radius: float, taper: float, between: float | 
 
 
 def _count(call: str, name: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+    if not is_whole(value) or value < least:
         raise CaromError(f"{call}: {name} must be a whole number of at least {least} balls, found {value!r}")
     return int(value)
 

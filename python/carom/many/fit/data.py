@@ -15,6 +15,7 @@ from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
 from carom.many.sweep.design import read_table
 from carom.many.sweep.study import Measure, identity_of
+from carom.numeric import is_finite
 from carom.result.kinematics import QUANTITIES
 from carom.run.result import Result
 
@@ -182,11 +183,7 @@ def _si(place: str, given: Any, quantity: str | None) -> tuple[float, ...]:
                 if isinstance(error, CaromError):
                     raise
                 raise CaromError(f'{place}: {quoted(value)} is no "NUMBER UNIT" and no column') from error
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, (int, float, np.number))
-            or not np.isfinite(value)
-        ):
+        if not is_finite(value):
             raise CaromError(f"{place}: expected a finite number in SI units, found {quoted(value)}")
         found.append(float(value))
     if not found:

@@ -14,6 +14,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, extra
+from carom.numeric import is_finite
 
 RANDOM = ("lhs", "sobol")
 KINDS = ("grid", "table", *RANDOM)
@@ -225,8 +226,7 @@ def _numbers(name: str, values: Any) -> tuple[float, ...]:
 
 def number(place: str, value: Any) -> float:
     """A finite number; `place` says in the message where it was given."""
-    ok = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not ok or not math.isfinite(value):
+    if not is_finite(value):
         raise CaromError(f"{place}: expected numbers in SI units, found {value!r}")
     return float(value)
 

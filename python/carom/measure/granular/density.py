@@ -11,9 +11,9 @@ from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import Snapshot, snapshot
+from carom.numeric import is_number, is_whole
 from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
-from carom.scene.packing.numeric import is_number, is_whole
 from carom.scene.packing.periodic import PeriodicBox
 from carom.scene.packing.region import Box
 

@@ -12,8 +12,8 @@ from carom.arrays import F64, Array
 from carom.errors import CaromError
 from carom.measure.granular.region import Region
 from carom.measure.granular.snapshot import Snapshot, snapshot
+from carom.numeric import is_whole
 from carom.result.data import RunData
-from carom.scene.packing.numeric import is_whole
 from carom.scene.packing.region import Box
 
 T = TypeVar("T")

@@ -14,8 +14,8 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.errors import CaromError
 from carom.measure.granular.cut import ball_in_ball, ball_in_box, ball_in_cylinder
+from carom.numeric import is_number, is_whole
 from carom.scene.assembly.vectors import scaled
-from carom.scene.packing.numeric import is_number, is_whole
 from carom.scene.packing.periodic import PeriodicBox
 from carom.scene.packing.region import Ball, Box, Cylinder
 

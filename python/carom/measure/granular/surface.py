@@ -12,9 +12,9 @@ from carom.errors import CaromError
 from carom.measure.granular.nearest import around, middle, opened
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import Snapshot, snapshot
+from carom.numeric import is_number, is_whole
 from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
-from carom.scene.packing.numeric import is_number, is_whole
 
 _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
 _MOST_PAIRS = 500_000  # of the points of a surface

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from numbers import Real
 from typing import Any
 
 from carom.errors import CaromError
+from carom.numeric import is_finite
 from carom.scene.tables.balls import Sphere
 from carom.units import UnitError, parse
 
@@ -25,7 +25,7 @@ def number(
             value = parse(value, dimension)
         except UnitError as error:
             raise CaromError(f"{call}: {name}: {error}") from None
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+    if not is_finite(value):
         cure = "; give a number, not a text" if isinstance(value, str) else ""
         raise CaromError(f"{call}: {name} must be a finite number {unit}, found {value!r}{cure}")
     return float(value)

@@ -8,6 +8,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
+from carom.numeric import is_whole
 from carom.scene.assembly.bodies import uniform
 from carom.scene.billiards.arguments import number
 
@@ -48,7 +49,7 @@ def numbers_of(order: str, seed: int | None = None) -> list[int]:
 
 def rows_of(balls: int) -> list[int]:
     """Balls in each row, apex first: a triangle, of which the last row may be short; nine are a diamond."""
-    if isinstance(balls, bool) or not isinstance(balls, int) or not FEWEST <= balls <= MOST:
+    if not is_whole(balls) or not FEWEST <= balls <= MOST:
         cure = f'; for the rack of a game write order="{balls}"' if str(balls) in GAMES else ""
         raise CaromError(f"rack: a rack has {FEWEST} to {MOST} balls, found {balls!r}{cure}")
     if balls == sum(DIAMOND):

@@ -11,9 +11,9 @@ The same arguments give the same bits on every machine and for any number of thr
 from __future__ import annotations
 
 from carom.arrays import F64
+from carom.numeric import is_number, is_whole
 from carom.scene.packing.grow import Packed, PackingError, grow
 from carom.scene.packing.numbers import Stream
-from carom.scene.packing.numeric import is_number, is_whole
 from carom.scene.packing.region import Ball, Box, Cylinder, Region
 from carom.scene.packing.sizes import MOST_BALLS, Equal, Lognormal, Normal, Rare, Sizes, Table, Uniform, fill
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError
+from carom.numeric import is_whole
 
 _LN2_HIGH, _LN2_LOW = (
     6.93147180369123816490e-01,
@@ -22,7 +23,7 @@ class Stream:
     """Random numbers of one seed, one after the other."""
 
     def __init__(self, seed: int) -> None:
-        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        if not is_whole(seed) or seed < 0:
             raise CaromError(f"seed = {seed!r}; give a whole number from 0")
         self._bits = np.random.PCG64(seed)
 

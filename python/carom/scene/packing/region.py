@@ -13,8 +13,8 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError
+from carom.numeric import is_number, three
 from carom.scene.assembly.vectors import cross, scaled
-from carom.scene.packing.numeric import is_number, three
 from carom.scene.tables.quantities import Vec3
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError
+from carom.numeric import is_number
 from carom.scene.packing.numbers import Stream, exp, log, total
-from carom.scene.packing.numeric import is_number
 
 MOST_BALLS = 1_000_000
 """Of one packing: more would take hours to place."""

@@ -8,7 +8,6 @@ a cure, and the bounds in the message, in the schema and in the check are the sa
 from __future__ import annotations
 
 import math
-import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +17,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from carom import units
 from carom.errors import did_you_mean, quoted
+from carom.numeric import is_number, is_whole
 
 OURS = "carom"
 """Type of the pydantic errors made here; their context holds `cause`, `cure` and perhaps `part` (a place in the value)."""
@@ -33,11 +33,6 @@ def inside(place: int | str, error: PydanticCustomError) -> PydanticCustomError:
     context = error.context or {}
     number = f"number {place + 1}: " if isinstance(place, int) else ""
     return refuse(f"{number}{context['cause']}", str(context["cure"]), (place, *context.get("part", ())))
-
-
-def _is(kind: type, value: Any) -> bool:
-    """Whether a value, Python's or NumPy's, is a number of that kind; true and false are not numbers here."""
-    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 class Checked:
@@ -114,7 +109,7 @@ class Quantity(Checked):
                 x = units.parse(value, self.dimension)
             except units.UnitError as e:
                 raise refuse(e.cause, e.cure) from None
-        elif _is(numbers.Real, value):
+        elif is_number(value):
             try:
                 x = float(value)
             except OverflowError:
@@ -163,7 +158,7 @@ class Integer(Checked):
     bounds: Bounds = ANY
 
     def check(self, value: Any) -> int:
-        if not _is(numbers.Integral, value):
+        if not is_whole(value):
             raise refuse(
                 f"expected a whole number, found {quoted(value)}", "write a whole number, without a point"
             )

@@ -16,12 +16,13 @@ from pydantic import BaseModel
 
 from carom._core import Expression
 from carom.errors import did_you_mean, quoted
+from carom.numeric import is_finite
 from carom.scene.messages import nested
 from carom.scene.tables.fields import Checked, Integer, Quantity
 from carom.scene.tables.laws import Law, LawVector
 from carom.scene.tables.lists import Integers, Tensor, Vector, Vectors
 from carom.scene.tables.model import REPEATED, SINGLE
-from carom.scene.toml.formulas import Formulas, Kind, finite, is_formula
+from carom.scene.toml.formulas import Formulas, Kind, is_formula
 from carom.scene.toml.lines import Path
 
 SECTIONS = ("parameters", "case")
@@ -133,7 +134,7 @@ def _fit(tables: Tables, path: Path, name: str, value: Any) -> bool:
     k = tables.order.index(name)
     if is_formula(value):
         return tables.formulas.names(value, path, tables.order[:k], tables.order[k:])
-    if finite(value):
+    if is_finite(value):
         return True
     cure = 'write a number in SI units, or an expression of the parameters above it: "= 2*pi"'
     tables.formulas.refuse(path, f"expected a number or an expression, found {quoted(value)}", cure)

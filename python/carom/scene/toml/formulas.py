@@ -6,8 +6,6 @@ messages count the string as it is written.
 
 from __future__ import annotations
 
-import math
-import numbers
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -134,11 +132,3 @@ class Formulas:
 
 def _blank(text: str) -> str:
     return text.replace("=", " ", 1)
-
-
-def finite(value: object) -> bool:
-    """Whether a value, Python's or NumPy's, is a number that a parameter can have."""
-    try:
-        return not isinstance(value, bool) and isinstance(value, numbers.Real) and math.isfinite(value)
-    except OverflowError:  # a whole number of hundreds of digits
-        return False

@@ -1,4 +1,4 @@
-"""What a caller in Python gives: whether it is a number, and three of them, told before anything is computed with it."""
+"""Whether what a caller gives, in Python or in a file, is a number: asked before anything is computed with it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,14 @@ def is_whole(value: Any) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
+def is_finite(value: Any) -> bool:
+    """Whether a value is a finite number."""
+    try:
+        return is_number(value) and isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False
+
+
 def three(owner: str, **given: Any) -> None:
     """Refuses what is not three finite numbers, along x, y and z."""
     for name, value in given.items():
@@ -26,5 +34,5 @@ def three(owner: str, **given: Any) -> None:
             entries = [] if isinstance(value, str) else list(value)
         except TypeError:  # a single number
             entries = []
-        if len(entries) != 3 or not all(is_number(x) and isfinite(x) for x in entries):
+        if len(entries) != 3 or not all(map(is_finite, entries)):
             raise CaromError(f"{owner}: {name} = {value!r}; give three finite numbers, along x, y and z")
