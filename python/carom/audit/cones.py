@@ -228,7 +228,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         noise = 64.0 * EPS * scale + wall_slack(block, c.k, c.a, c.b) + kept
         own = compliance(run, c.a, c.b)
         still = 2.0 * own[1] * left + noise
-        defect = opposed(part.sliding, found.slip, mu * push, left, still)
+        defect = opposed(part.sliding, found.slip, mu * push, still)
         # Who is said to stick does not slip, and who is said to slip has all of its friction. Who slips may have a little
         # less, as much as the solver may leave, and is said to stick then.
         short = np.maximum(0.0, mu * push - norm(part.sliding))
@@ -240,10 +240,10 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     best = np.argmin([d / np.maximum(b, 1e-300) for d, b in zip(defects, bounds, strict=True)], axis=0)
     value, bound = (np.where(best == 0, x[0], x[1]) for x in (defects, bounds))
     tally.measure("slip", value, bound, block.contact, judged)
-    _turning(block, tally, judged, left, index)
+    _turning(block, tally, judged, left)
 
 
-def opposed(force: F64, slip: F64, most: F64, left: F64, still: F64) -> F64:
+def opposed(force: F64, slip: F64, most: F64, still: F64) -> F64:
     """How far a friction (K, 3) is from `-most slip/|slip|`, beyond what a slip error of `still` may turn or weaken it.
 
     A slip below `still` may as well be none: then the cone alone binds, and the defect is 0.
@@ -255,7 +255,7 @@ def opposed(force: F64, slip: F64, most: F64, left: F64, still: F64) -> F64:
     return np.where(moving, np.maximum(0.0, norm(force - wanted) - allowed), 0.0)
 
 
-def _turning(block: Block, tally: Tally, judged: Bool, left: F64, index: I64) -> None:
+def _turning(block: Block, tally: Tally, judged: Bool, left: F64) -> None:
     run, c = block.run, block.rows
     found = []
     impulse, moment = loads_once.stated(block)
@@ -286,8 +286,8 @@ def turned(
     index = run.law_index(a, b)
     rho, delta = (run.coefficient(name, index) for name in ("rolling_radius", "spinning_radius"))
     still = 2.0 * compliance(run, a, b)[2] * left * run.radius[a] + 64.0 * EPS * spin
-    roll = opposed(across(moment, n), across(turning, n), rho * push, left, still)
-    spun = opposed(dot(moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, left, still)
+    roll = opposed(across(moment, n), across(turning, n), rho * push, still)
+    spun = opposed(dot(moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, still)
     value = np.where(rho > 0.0, roll, 0.0) + np.where(delta > 0.0, spun, 0.0)
     return Turned(value, left * (run.radius[a] + rho + delta), (rho > 0.0) | (delta > 0.0))
 

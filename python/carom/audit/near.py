@@ -206,7 +206,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     extent = extent + run.box.rounding(block.t1[k])
     rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
     if run.method == "penalty":
-        return np.asarray(_compressed(run, a, b, r) + rounding)
+        return np.asarray(_compressed(run, a, b) + rounding)
     t = run.loosest
     if run.method == "moreau" and not run.options["position_projection"]:
         share, slow = float(run.load_share(np.array([np.inf]))[0]), t["closing_tolerance_speed"]
@@ -242,7 +242,7 @@ def stiffness(run: Run, a: I64, b: I64) -> F64:
     return np.asarray(4.0 / 3.0 * effective / np.sqrt(curvature))
 
 
-def _compressed(run: Run, a: I64, b: I64, r: F64) -> F64:
+def _compressed(run: Run, a: I64, b: I64) -> F64:
     n = float(run.options["penalty_exponent"])
     # A curved wall may be softer than a plane: at least the contact with an equal ball.
     k = stiffness(run, a, b) * np.where(b >= run.bodies, np.sqrt(0.5), 1.0)

@@ -440,7 +440,7 @@ class Replay:
         mu = self.mu[rows]
         z = after.slip + slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
         most = mu * np.maximum(push, 0.0)
-        defect = opposed(self.slide[rows], z, most, left, 2.0 * own[1] * left + noise + own[1] * spread)
+        defect = opposed(self.slide[rows], z, most, 2.0 * own[1] * left + noise + own[1] * spread)
         sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0) & ~scaled)
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
         self._tell("slip", every[sure], defect[sure], limit)

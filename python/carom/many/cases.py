@@ -143,13 +143,13 @@ class Overrides:
                 laws[place.index[0]] = None  # the number takes the place of the law
                 model[name] = laws
         if touched & {"mass", "radius"}:
-            self._inertia(model, touched)
+            self._inertia(model)
         if "orientation" in touched:
             q = model["orientation"]
             model["orientation"] = q / np.linalg.norm(q, axis=1, keepdims=True)
         return model
 
-    def _inertia(self, model: dict[str, Any], touched: set[str]) -> None:
+    def _inertia(self, model: dict[str, Any]) -> None:
         """I / (m r^2) stays, where mass or radius changed and the moment of inertia was not given itself."""
         changed = (model["mass"] != self._base["mass"]) | (model["radius"] != self._base["radius"])
         for place in self._places.values():

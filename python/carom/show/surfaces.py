@@ -83,7 +83,7 @@ def surfaces(
             continue
         vertices, faces = wall_mesh(wall.shape, wall.facts, low, high, cuts if wall.shape == "plane" else ())
         if len(faces):
-            found.append(Surface(wall, vertices, faces, _lines(wall.shape, wall.facts, vertices, faces)))
+            found.append(Surface(wall, vertices, faces, _lines(wall.shape, vertices)))
     return found
 
 
@@ -214,7 +214,7 @@ def _fan(polygon: F64) -> tuple[F64, Faces]:
     return polygon, np.stack([np.zeros_like(last), last - 1, last], axis=1).astype(np.int32)
 
 
-def _lines(shape: str, facts: Mapping[str, Any], vertices: F64, faces: Faces) -> Faces:
+def _lines(shape: str, vertices: F64) -> Faces:
     """Pairs of vertices of the outline and of the lines along what is round."""
     if shape in ("plane", "rectangle"):
         corner = np.arange(len(vertices))

@@ -132,7 +132,7 @@ def _taken(parts: Whole, systems: Joined, touch: Touch) -> tuple[list[int], str]
     if law is None:
         return None
     load = _share(systems, _row(bodies, touch, touch.normal, np.zeros(3)))
-    if load is None or all(_at_rest(parts, systems, row) for row in _slips(bodies, touch, law)):
+    if load is None or all(_at_rest(systems, row) for row in _slips(bodies, touch, law)):
         return None
     when = ""
     if touch.gap > TOUCHING * bodies.radius[touch.a]:
@@ -211,7 +211,7 @@ def _share_of(system: Group, row: dict[int, F64]) -> dict[int, F64] | None:
     return found
 
 
-def _at_rest(parts: Whole, systems: Joined, row: dict[int, F64]) -> bool:
+def _at_rest(systems: Joined, row: dict[int, F64]) -> bool:
     """Whether the joints hold this motion, too, and let nothing move: then there is nothing to brake."""
     share = _share(systems, row)
     return share is not None and not any(_moves(systems, joint) for joint in share)
