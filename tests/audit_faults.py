@@ -8,6 +8,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from carom.audit import Report
 from numpy.typing import NDArray
 
 Fault = Callable[[h5py.File], None]
@@ -20,6 +21,20 @@ def planted(run: Path, copy: Path, fault: Fault) -> Path:
     with h5py.File(copy / "results.h5", "r+", libver="latest") as file:
         fault(file)
     return copy
+
+
+def reworded(run: Path, copy: Path, given: str, other: str) -> Path:
+    """A copy of a run whose scenario says something else than what was simulated."""
+    shutil.copytree(run, copy)
+    text = (copy / "scenario.toml").read_text()
+    assert given in text
+    (copy / "scenario.toml").write_text(text.replace(given, other))
+    return copy
+
+
+def kinds(report: Report) -> set[str]:
+    """The kinds of laws that are violated."""
+    return {finding.kind for finding in report.findings}
 
 
 def rows_of(file: h5py.File, frame: int) -> slice:

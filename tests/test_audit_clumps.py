@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from audit_faults import Fault, planted
+from audit_faults import Fault, kinds, planted, reworded
 from audit_scenes import run
 from carom import audit
 
@@ -51,11 +50,6 @@ def flying() -> carom.Scene:
     scene.clump("rod", material="grain", spheres=ROD, mass=0.02, inertia=[1e-6, 2e-6, 2.5e-6], position=(0, 0, 0),
                 velocity=(0.3, 0, 0), angular_velocity=(0.3, 30, 0.2))  # fmt: skip
     return scene
-
-
-def kinds(report: audit.Report) -> set[str]:
-    """The kinds of laws that are violated."""
-    return {finding.kind for finding in report.findings}
 
 
 HONEST: dict[str, tuple[Callable[[], carom.Scene], float, dict[str, Any]]] = {
@@ -214,11 +208,7 @@ def test_a_lost_correction_of_places_is_found(name: str, runs: dict[str, Path], 
 def test_another_clump_is_found(
     name: str, given: str, other: str, law: str, runs: dict[str, Path], tmp_path: Path
 ) -> None:
-    path = tmp_path / "run"
-    shutil.copytree(runs[name], path)
-    text = (path / "scenario.toml").read_text()
-    assert given in text
-    (path / "scenario.toml").write_text(text.replace(given, other))
+    path = reworded(runs[name], tmp_path / "run", given, other)
     assert {law, "claims", "scenario"} <= kinds(audit.check(path))
 
 

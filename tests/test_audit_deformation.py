@@ -11,7 +11,7 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from audit_faults import Fault, planted, rows_of
+from audit_faults import Fault, kinds, planted, rows_of
 from audit_scenes import run
 from carom import audit
 from numpy.typing import NDArray
@@ -142,11 +142,6 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 EVERY = ["sheared", "kinks", "dense", "moreau"]
-
-
-def kinds(report: audit.Report) -> set[str]:
-    """The kinds of laws that are violated."""
-    return {finding.kind for finding in report.findings}
 
 
 def _images(file: h5py.File, body: F64, frame: int) -> F64:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from audit_faults import Fault, planted
+from audit_faults import Fault, kinds, planted, reworded
 from audit_scenes import run
 from carom import audit
 
@@ -70,11 +69,6 @@ def pressed(count: int, *, periodic: bool = False, **free: Any) -> carom.Scene:
                   largest=2 * r, region="box", low=(0, 0, 0), high=(side, side, top),
                   **({"periodic": "xy"} if periodic else {}))  # fmt: skip
     return scene
-
-
-def kinds(report: audit.Report) -> set[str]:
-    """The kinds of laws that are violated."""
-    return {finding.kind for finding in report.findings}
 
 
 def cell(grains: int) -> carom.Scene:
@@ -218,11 +212,7 @@ def test_a_lost_impulse_of_the_wall_is_found(
 def test_another_mass_or_force_is_found(
     name: str, given: str, other: str, runs: dict[str, Path], tmp_path: Path
 ) -> None:
-    path = tmp_path / "run"
-    shutil.copytree(runs[name], path)
-    text = (path / "scenario.toml").read_text()
-    assert given in text
-    (path / "scenario.toml").write_text(text.replace(given, other))
+    path = reworded(runs[name], tmp_path / "run", given, other)
     assert {"momentum", "claims", "scenario"} <= kinds(audit.check(path))
 
 
