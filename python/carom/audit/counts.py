@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array, connected
-from carom.audit import carried, flights, rigid
+from carom.audit import carried, flights, flows, rigid
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.near import MARGIN, Near
@@ -207,12 +207,11 @@ def _penetration(block: Block, near: Near, tally: Tally) -> None:
 
 def _entered(block: Block, tally: Tally) -> None:
     """Energy of what entered after the last step before a frame: they are as they entered."""
-    run, events = block.run, block.run.result.events
-    if not len(events):
+    run = block.run
+    k, step, body, kind = flows.events(block)
+    chosen = (kind == 1) & (step == block.s1[k])
+    if not chosen.any():
         return
-    step, body, kind = (np.asarray(events[name]).astype(np.int64) for name in ("step", "body", "kind"))
-    k = np.minimum(np.searchsorted(block.s1, step), block.count - 1)
-    chosen = (kind == 1) & (step == block.s1[k]) & (step > 0)
     k, body = k[chosen], body[chosen]
     motion = rigid.kinetic(run, block.v1, block.w1, block.c1)[k, body]
     height = rigid.weight(run, block.x1, block.c1)[k, body]

@@ -26,14 +26,10 @@ from carom.audit.vectors import EPS, conjugate, norm, product, rotation_vector
 
 def judge(run: Run, tally: Tally) -> None:
     """What concerns the table of events: who was there, and when balls entered."""
-    events, inflows = run.result.events, run.model.get("inflow") or ()
-    if not (inflows or run.model.get("outlet") or len(events)):
+    inflows, (step, body, kind) = run.model.get("inflow") or (), _all_events(run)
+    if not (inflows or run.model.get("outlet") or len(step)):
         return
     here = ~coming(run)
-    step, body, kind = (
-        np.asarray(events[name]).astype(np.int64) if len(events) else np.zeros(0, np.int64)
-        for name in ("step", "body", "kind")
-    )
     done = 0
     for frame in range(run.frames):
         while done < len(step) and step[done] <= run.step[frame]:
@@ -67,14 +63,28 @@ def coming(run: Run) -> Bool:
 
 def entered(block: Block) -> Bool:
     """(B, N) which balls entered in each interval."""
-    run, events = block.run, block.run.result.events
-    found = np.zeros((block.count, run.bodies), dtype=bool)
-    if len(events):
-        step, body, kind = (np.asarray(events[name]).astype(np.int64) for name in ("step", "body", "kind"))
-        k = np.minimum(np.searchsorted(block.s1, step), block.count - 1)
-        chosen = (kind == 1) & (step > block.s0[k]) & (step <= block.s1[k])
-        found[k[chosen], body[chosen]] = True
+    k, _, body, kind = events(block)
+    found = np.zeros((block.count, block.run.bodies), dtype=bool)
+    found[k[kind == 1], body[kind == 1]] = True
     return found
+
+
+def events(block: Block) -> tuple[I64, I64, I64, I64]:
+    """What came and went in the intervals of a block: interval, step, ball, and 1 for what came, each (E,)."""
+    step, body, kind = _all_events(block.run)
+    k = np.minimum(np.searchsorted(block.s1, step), block.count - 1)
+    now = (step > block.s0[k]) & (step <= block.s1[k])
+    return k[now], step[now], body[now], kind[now]
+
+
+def _all_events(run: Run) -> tuple[I64, I64, I64]:
+    """Step, ball and kind of all events, each (E,)."""
+    table = run.result.events
+    step, body, kind = (
+        np.asarray(table[name]).astype(np.int64) if len(table) else np.zeros(0, np.int64)
+        for name in ("step", "body", "kind")
+    )
+    return step, body, kind
 
 
 def _balls(run: Run, flow: Mapping[str, Any]) -> tuple[I64, int]:
@@ -92,7 +102,7 @@ def _of_steps(run: Run, step: I64, body: I64) -> Callable[[int], Place]:
 
 def of_frames(block: Block, tally: Tally) -> None:
     """Where balls are, enter and leave."""
-    run, events = block.run, block.run.result.events
+    run = block.run
     outlets, inflows = run.model.get("outlet") or (), run.model.get("inflow") or ()
     free = ~run.answering
     free[[load["body"] for load in run.loads if load["kind"] == "force"]] = False
@@ -102,13 +112,8 @@ def of_frames(block: Block, tally: Tally) -> None:
     here = present[1:] & free
     if not (outlets or inflows):
         return
-    step, body, kind = (
-        np.asarray(events[name]).astype(np.int64) if len(events) else np.zeros(0, np.int64)
-        for name in ("step", "body", "kind")
-    )
-    k = np.minimum(np.searchsorted(block.s1, step), block.count - 1)
-    now = (step > block.s0[k]) & (step <= block.s1[k])
-    entered = now & (kind == 1) & (step == block.s1[k])
+    k, step, body, kind = events(block)
+    entered = (kind == 1) & (step == block.s1[k])
     here[k[entered], body[entered]] = False  # who leaves is asked before others enter
     start, end = (
         _of_bodies(run, *of) for of in ((block.x0, block.c0[..., :3]), (block.x1, block.c1[..., :3]))
@@ -117,7 +122,7 @@ def of_frames(block: Block, tally: Tally) -> None:
     for outlet in outlets:
         inside = _depth(run, outlet, end)
         tally.measure("flow", np.where(here, inside, 0.0) / run.radius, 0.0, block.per_body)
-    gone = np.flatnonzero(now & (kind == 0) & present[k, body])
+    gone = np.flatnonzero((kind == 0) & present[k, body])
     if outlets and gone.size and run.has_contacts:
         at = (k[gone], body[gone])
         way = (forces.speeds(block)[at] + norm(run.gravity) * block.dt[k[gone]]) * block.dt[k[gone]]

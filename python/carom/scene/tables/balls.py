@@ -87,6 +87,12 @@ class Sphere(Ball):
     )
 
 
+def not_too_many(balls: int, key: str) -> None:
+    """Refuse a number of balls before anything is built from it."""
+    if balls > MOST_BALLS:
+        raise refuse(f"makes {balls} balls, more than {MOST_BALLS}", f"reduce {key}")
+
+
 class Generator(Ball):
     """A table that stands for many balls, numbered from `first_number`: `name = "ball"` makes ball1, ball2, ..."""
 
@@ -108,11 +114,6 @@ class Generator(Ball):
     def size(self) -> int:
         """Number of balls."""
         raise NotImplementedError
-
-    def _not_too_many(self, key: str) -> None:
-        """Refuse a count before anything is built from it."""
-        if self.size() > MOST_BALLS:
-            raise refuse(f"makes {self.size()} balls, more than {MOST_BALLS}", f"reduce {key}")
 
     def ball_names(self) -> list[str]:
         return [f"{self.name}{k}" for k in range(self.first_number, self.first_number + self.size())]
@@ -150,7 +151,7 @@ class Rack(Generator):
             raise refuse(
                 f"a diamond has an odd number of rows, found {self.rows}", f"give rows = {self.rows + 1}"
             )
-        self._not_too_many("rows")
+        not_too_many(self.size(), "rows")
         full = sum(self.row_lengths())
         if self.balls is not None and self.balls != full:
             near = f"{full} or {sum(self.row_lengths(1))}"
@@ -193,7 +194,7 @@ class Lattice(Generator):
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
-        self._not_too_many("counts")
+        not_too_many(self.size(), "counts")
         return self
 
     def size(self) -> int:

@@ -13,7 +13,7 @@ from carom.arrays import F64
 from carom.scene.assembly.vectors import scaled
 from carom.scene.packing import Sizes, Stream
 from carom.scene.packing.sizes import Rare
-from carom.scene.tables.balls import MOST_BALLS, volume
+from carom.scene.tables.balls import MOST_BALLS, not_too_many, volume
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import ROD, Clump, Spheres
 from carom.scene.tables.fields import NOT_NEGATIVE, Bounds, Flag, Integer, Quantity, exactly_one, refuse
@@ -162,8 +162,7 @@ class Inflow(Sized, _Kind):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         exactly_one(self.__dict__, "mass", "density")
-        if self.size() > MOST_BALLS:
-            raise refuse(f"makes {self.size()} balls, more than {MOST_BALLS}", "reduce count")
+        not_too_many(self.size(), "count")
         if self.sizes != "equal":
             for key in ("mass", "inertia"):
                 if getattr(self, key) is not None:
