@@ -131,9 +131,7 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
     there, clumps = bodies.present.copy(), dict(parts.tables(Clump))
     places, names = bodies.position.copy(), list(bodies.names)
     for segment in bodies.segments:
-        if (
-            segment.section == Clump.section
-        ):  # which leaves by its centre of mass; its first ball stands for it
+        if segment.section == "clump":  # which leaves by its centre of mass; its first ball stands for it
             clump = clumps[segment.index]
             places[segment.start], names[segment.start] = clump.middle(), clump.name
             there[segment.start + 1 : segment.stop] = False
