@@ -26,8 +26,10 @@ def norm(a: F64) -> F64:
 
 def cross(a: F64, b: F64) -> F64:
     """Vector products along the last axis, of length 3."""
-    (ax, ay, az), (bx, by, bz) = (np.moveaxis(v, -1, 0) for v in (a, b))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return found
 
 
 def add_at(total: F64, index: tuple[I64, ...], values: F64) -> None:
