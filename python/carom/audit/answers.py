@@ -98,15 +98,15 @@ class Answers:
 
     def _of_clumps(self, k: I64, body: I64, momenta: F64) -> tuple[I64, F64]:
         """The same of momenta (M, 6) that are given to balls of clumps: it moves all balls of these."""
-        run, all_of = self.block.run, self.block.run.rigid
-        many = len(run.clumps)
+        run, all_of = self.block.run, self.block.run.clumps
+        many = len(all_of)
         keys, row = np.unique(k * many + run.clump_of[body], return_inverse=True)
         which, number = np.divmod(keys, many)
         q = self.block.c1[which, number, 3:7]
         given = np.zeros((len(keys), 6))
         arm = rotated(q[row], all_of.offsets[body])
         add_at(given, (row,), np.hstack([momenta[:, :3], momenta[:, 3:] + cross(arm, momenta[:, :3])]))
-        along, spin = given[:, :3] / all_of.mass[number, None], all_of.turning(number, q, given[:, 3:])
+        along, spin = given[:, :3] / all_of.mass[number, None], all_of.turning(q, given[:, 3:], number)
         each, balls = all_of.balls_of(number)
         lever = rotated(q[each], all_of.offsets[balls])
         moved = np.hstack([along[each] + cross(spin[each], lever), spin[each]])

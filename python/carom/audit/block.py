@@ -133,8 +133,7 @@ class Block:
         last, then = box.rates(self.t1, end=True), box.rates(self.t1)
         self.kink = self.flow((then[0] - last[0], then[1] - last[1]), end=True)
         self.v1, self.c1 = self.v1 - self.kink, self.c1.copy()
-        for number, clump in enumerate(self.run.clumps):
-            self.c1[:, number, 7:10] -= self.kink[:, clump.first]
+        self.c1[..., 7:10] -= self.kink[:, self.run.clumps.first]
 
     def flow(self, edges: tuple[F64, F64], *, end: bool = False) -> F64:
         """(B, N, 3) what is as many `edges`, or rates of edges (B,), long as bodies are from the middle of the box at the
@@ -143,8 +142,7 @@ class Block:
         run, box = self.run, self.run.box
         x, rows, time = (self.x1, self.c1, self.t1) if end else (self.x0, self.c0, self.t0)
         x = x.copy()
-        for number, clump in enumerate(run.clumps):
-            x[:, clump.balls] = rows[:, number, None, :3]
+        x[:, run.clumps.balls] = rows[:, run.clumps.of, :3]
         x[:, run.balls :] = box.middle
         of, (lengths, offset) = box.edges(time), edges
         share = box.share((of[0][:, None], of[1][:, None]), x)
@@ -241,7 +239,7 @@ class Block:
     def per_clump(self, flat: int) -> Place:
         """The place of an entry of a (B, C) array."""
         k, clump = divmod(flat, len(self.run.clumps))
-        return self.place(k, self.run.clumps[clump].first)
+        return self.place(k, int(self.run.clumps.first[clump]))
 
     @cached_property
     def kept(self) -> Bool:
@@ -381,5 +379,5 @@ class Block:
         run, t = self.run, self.run.loosest
         least = t["tolerance_floor"]
         share = np.where(self.large, max(least, t["touching_tolerance"]), least)
-        sizes = [run.heavy * run.radius, np.array([clump.mass * clump.reach for clump in run.clumps])]
-        return np.asarray(share * np.concatenate(sizes).max())
+        sizes = np.append(run.heavy * run.radius, run.clumps.mass * run.clumps.reach)
+        return np.asarray(share * sizes.max())

@@ -61,7 +61,7 @@ def floor(block: Block, speed: F64) -> F64:
     """(B,) what it may leave however small the impulses are, N s, for largest speeds of a body: more in halves of a step."""
     run, t = block.run, block.run.loosest
     h = run.h / 2.0 ** np.minimum(block.over(run.steps["halvings"]), 8.0)
-    longest = max([float(run.radius.max()), *(clump.reach for clump in run.clumps)])
+    longest = float(np.append(run.radius, run.clumps.reach).max())
     least = t["touching_tolerance"] * longest / h + t["tolerance_floor"] * speed
     return np.asarray(least * run.heavy.max())
 

@@ -18,8 +18,8 @@ def weights(block: Block) -> F64:
     if not run.box.deforms:
         return np.zeros((block.count, run.bodies))
     mass = run.mass.copy()
-    for clump in run.clumps:
-        mass[clump.balls], mass[clump.first] = 0.0, clump.mass
+    mass[run.clumps.balls] = 0.0
+    mass[run.clumps.first] = run.clumps.mass
     pull = mass * norm(np.broadcast_to(run.falls, block.x0.shape))
     most = norm(of_box.way) + block.dt[:, None] * norm(of_box.velocity)
     slack = of_box.slack_way + block.dt[:, None] * of_box.slack

@@ -121,18 +121,16 @@ def apart(block: Block) -> F64:
     if not run.box.deforms:
         return np.zeros((block.count, run.bodies))
     reach = 1.01 * run.radius
-    for clump in run.clumps:
-        reach[clump.balls] += norm(clump.offsets)
+    reach[run.clumps.balls] += run.clumps.arm
     return np.asarray(block.over(strain_rate(run))[:, None] * reach)
 
 
-def of_clump(block: Block, number: int) -> F64:
-    """(B,) the speed of a clump against the mean flow at either end of an interval, m/s."""
-    box, first = block.run.box, block.run.clumps[number].first
+def of_clumps(block: Block) -> F64:
+    """(B, C) the speeds of clumps against the mean flow at either end of an interval, m/s."""
+    box, first = block.run.box, block.run.clumps.first
     flow = block.flow(box.rates(block.t0)), block.flow(box.rates(block.t1, end=True), end=True)
-    rows = block.c0[:, number], block.c1[:, number]
-    ends = [norm(row[:, 7:10] - of[:, first]) for row, of in zip(rows, flow, strict=True)]
-    return np.asarray(np.maximum(*ends) * (1.0 + strain(block)))
+    ends = [norm(rows[..., 7:10] - of[:, first]) for rows, of in zip((block.c0, block.c1), flow, strict=True)]
+    return np.asarray(np.maximum(*ends) * (1.0 + strain(block))[:, None])
 
 
 @once

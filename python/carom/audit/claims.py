@@ -200,9 +200,9 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
         force = float(law(wall.force, np.zeros(1))[0][0] * run.areas[body - run.balls][0])
         pulls[body] = abs(wall.mass * float(wall.fall(run.gravity) @ wall.normal) + force)
     lengths = run.radius.copy()
-    for clump in run.clumps:
-        pulls[clump.balls], pulls[clump.first] = 0.0, clump.mass * np.linalg.norm(run.gravity)
-        lengths[clump.first] = clump.reach
+    pulls[run.clumps.balls] = 0.0
+    pulls[run.clumps.first] = run.clumps.mass * np.linalg.norm(run.gravity)
+    lengths[run.clumps.first] = run.clumps.reach
     floor = float((pulls * lengths).sum())
     scale = np.maximum(np.maximum.accumulate(s["energy_kinetic"]), motion.sum()) + floor
     yield "energy.max_rise_relative", largest / max(scale[-1], 1e-300), rounding + 1e-12

@@ -91,18 +91,16 @@ class Run:
         self.mass: F64 = np.append(of_balls[1], [wall.mass for wall in self.free_walls])
         self.inertia: F64 = np.append(of_balls[2], np.full(free, guided.HELD))
         #: Rigid bodies of balls, which are bodies themselves.
-        self.clumps = rigid.of_model(self.model)
-        self.rigid = rigid.together(self.clumps, len(self.mass))
+        self.clumps = rigid.of_model(self.model, len(self.mass))
         #: (N,) the clump of each body, -1 where there is none.
         self.clump_of: I64 = np.full(len(self.mass), -1)
         #: Masses of bodies, of balls of clumps those of the whole clumps, kg: what they may press with.
         self.heavy: F64 = self.mass.copy()
         #: Mass of all bodies together, kg.
         self.whole_mass = float(self.mass.sum())
-        for number, clump in enumerate(self.clumps):
-            self.clump_of[clump.balls] = number
-            self.whole_mass += clump.mass - float(self.mass[clump.balls].sum())
-            self.heavy[clump.balls] = clump.mass
+        self.clump_of[self.clumps.balls] = self.clumps.of
+        self.whole_mass += float(self.clumps.mass.sum() - self.mass[self.clumps.balls].sum())
+        self.heavy[self.clumps.balls] = self.clumps.mass[self.clumps.of]
         self.mass, self.inertia = rigid.lightest(self.clumps, self.radius, self.mass, self.inertia)
         #: Levers of bodies, and of walls at last, m: none at walls.
         self.reach: F64 = np.concatenate([of_balls[0], np.zeros(free + 1)])
@@ -417,15 +415,14 @@ class Run:
             for one in (*self.joints, *loads)
             if min(one.get("a", -1), one.get("b", -1)) >= 0
         ]
-        links += [(clump.first, ball) for clump in self.clumps for ball in clump.balls]
+        links += list(zip(self.clumps.first[self.clumps.of], self.clumps.balls, strict=True))
         return connected(self.bodies, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
 
     @cached_property
     def held_apart(self) -> HeldApart:
         """Pairs of balls that joints, or a clump of both, keep from meeting."""
         found = held_apart(self.joints, self.radius[: self.balls])
-        for clump in self.clumps:
-            found.clump[clump.balls] = clump.first
+        found.clump[self.clumps.balls] = self.clumps.first[self.clumps.of]
         return found
 
     @cached_property

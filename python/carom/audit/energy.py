@@ -48,8 +48,7 @@ def scale(block: Block) -> F64:
 def _recorded(block: Block) -> tuple[F64, F64]:
     """Velocities (B, N, 3), and the motion of clumps, at the second frame as they are on record: after a kink."""
     rows = block.c1.copy()
-    for number, clump in enumerate(block.run.clumps):
-        rows[:, number, 7:10] += block.kink[:, clump.first]
+    rows[..., 7:10] += block.kink[:, block.run.clumps.first]
     return block.v1 + block.kink, rows
 
 
@@ -353,7 +352,7 @@ def rises(run: Run, tally: Tally) -> None:
     rise = np.diff(kinetic + potential) - (gained - s["energy_out"])
     g, weight = float(norm(run.gravity)), float(run.whole_mass * norm(run.gravity))
     motion = np.maximum(kinetic[1:], kinetic[:-1])
-    longest = max([float(run.radius.max()), *(clump.reach for clump in run.clumps)])
+    longest = float(np.append(run.radius, run.clumps.reach).max())
     top = np.maximum.accumulate(motion) + weight * longest
     bound = 1e-12 * top + 16.0 * EPS * np.maximum(np.abs(potential[1:]), np.abs(potential[:-1]))
     large = s["candidates"] > run.small

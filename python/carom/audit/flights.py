@@ -35,28 +35,23 @@ class Flights(NamedTuple):
 @once
 def of_block(block: Block) -> Flights:
     """The flights of all clumps."""
-    run, dt = block.run, block.dt[:, None]
+    run, dt = block.run, block.dt[:, None, None]
     rows = block.c1.copy()
-    off = np.zeros(rows.shape[:2])
     many = np.tile(np.arange(len(run.clumps)), block.count)
     start, times = (
         block.c0.reshape(-1, 13),
         np.repeat(np.asarray(block.dt, dtype=np.float64), len(run.clumps)),
     )
-    turned = rigid.free(run.rigid.inertia[many], start[:, 3:7], start[:, 10:], times)
+    turned = rigid.free(run.clumps.inertia[many], start[:, 3:7], start[:, 10:], times)
     rows[..., 3:7] = turned.reshape(*rows.shape[:2], 4)
     of_box = carried.of_block(block)
-    for number, clump in enumerate(run.clumps):
-        old, new = block.c0[:, number], rows[:, number]
-        q, w = old[:, 3:7], old[:, 10:]
-        new[:, :3] = old[:, :3] + dt * old[:, 7:10] + 0.5 * dt * dt * run.gravity
-        new[:, 7:10] = old[:, 7:10] + dt * run.gravity
-        new[:, :3] += of_box.way[:, clump.first]
-        new[:, 7:10] += of_box.velocity[:, clump.first]
-        new[:, 10:] = clump.turning(new[:, 3:7], clump.momentum(q, w))
-        fast = np.where((norm(w) > norm(block.c1[:, number, 10:]))[:, None], w, block.c1[:, number, 10:])
-        off[:, number] = block.updates * clump.scheme(fast, run.h)
-        off[np.isnan(new[:, 3]), number] = np.inf
+    old, first = block.c0, run.clumps.first
+    rows[..., :3] = old[..., :3] + dt * old[..., 7:10] + 0.5 * dt * dt * run.gravity + of_box.way[:, first]
+    rows[..., 7:10] = old[..., 7:10] + dt * run.gravity + of_box.velocity[:, first]
+    rows[..., 10:] = run.clumps.turning(rows[..., 3:7], run.clumps.momenta(old))
+    spin = np.maximum(norm(old[..., 10:]), norm(block.c1[..., 10:]))
+    off = block.updates[:, None] * rigid.scheme(spin, run.h)
+    off[np.isnan(rows[..., 3])] = np.inf
     x, _, v, _ = rigid.placed(run, block.x1, block.q1, rows)
     known = np.isfinite(x)
     return Flights(rows, np.where(known, x, block.x1), np.where(known, v, block.v1), off)
@@ -70,11 +65,9 @@ def speeds_of_turning(block: Block) -> F64:
         return found
     smooth = block.v0 + block.dt[:, None, None] * run.gravity + carried.of_block(block).velocity
     gained = norm(of_block(block).v - smooth)
-    for number, clump in enumerate(run.clumps):
-        several = np.max([norm(rows[:, number, 10:]) for rows in (block.c0, block.c1)], axis=0)
-        ratio = clump.inertia.max() / clump.inertia.min()
-        most = 2.0 * run.h * ((ratio * several) ** 2)[:, None] * norm(clump.offsets)
-        found[:, clump.balls] = np.where(block.single[:, None], gained[:, clump.balls], most)
+    clumps, several = run.clumps, np.maximum(norm(block.c0[..., 10:]), norm(block.c1[..., 10:]))
+    most = 2.0 * run.h * ((clumps.most / clumps.least * several) ** 2)[:, clumps.of] * clumps.arm
+    found[:, clumps.balls] = np.where(block.single[:, None], gained[:, clumps.balls], most)
     return found
 
 
@@ -85,9 +78,9 @@ def energy_of_balls(block: Block, at: I64, motion: F64) -> F64:
     run, (k, ball) = block.run, np.divmod(at, block.run.bodies)
     number = run.clump_of[ball]
     q, w = block.c1[k, number, 3:7], motion[:, 3:]
-    v = motion[:, :3] - cross(w, rotated(q, run.rigid.offsets[ball]))
-    turning = dot(w, run.rigid.momentum(number, q, w))
-    return np.asarray(0.5 * (run.rigid.mass[number] * dot(v, v) + turning))
+    v = motion[:, :3] - cross(w, rotated(q, run.clumps.offsets[ball]))
+    turning = dot(w, run.clumps.momentum(q, w, number))
+    return np.asarray(0.5 * (run.clumps.mass[number] * dot(v, v) + turning))
 
 
 @once
@@ -102,8 +95,7 @@ def half_way(block: Block) -> F64:
     q, last = block.c0[..., 3:7], block.c1[..., 3:7]
     both = last + np.where((q * last).sum(axis=-1, keepdims=True) < 0.0, -q, q)
     rows[..., 3:7] = both / norm(both)[..., None]
-    for number, clump in enumerate(run.clumps):
-        found[:, clump.balls] = clump.levers(rows[:, number]) - clump.levers(block.c1[:, number])
+    found[:, run.clumps.balls] = run.clumps.levers(rows) - run.clumps.levers(block.c1)
     return found
 
 

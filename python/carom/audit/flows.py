@@ -37,12 +37,12 @@ def judge(run: Run, tally: Tally) -> None:
             done += 1
         wrong = np.flatnonzero(np.asarray(run.result.present[frame]) != here)
         tally.measure("flow", [float(len(wrong))], 0.0, lambda i: run.frame_place(frame, *wrong[:1]))  # noqa: B023
-    of_clumps = np.array([clump.first for clump in run.clumps], dtype=np.int64)
+    clumps = run.clumps
     for which in (0, 1):
         at = np.full(run.balls, -1)
         at[body[kind == which]] = step[kind == which]
-        alone = [float(np.ptp(at[clump.balls])) for clump in run.clumps]
-        tally.measure("flow", alone, 0.0, _of_steps(run, at[of_clumps], of_clumps))
+        last, first = (clumps.over(of, at[None])[0] for of in (np.maximum, np.minimum))
+        tally.measure("flow", last - first, 0.0, _of_steps(run, at[clumps.first], clumps.first))
     for flow in inflows:
         balls, each = _balls(run, flow)
         mine = np.flatnonzero((kind == 1) & np.isin(body, balls[::each]))
@@ -92,8 +92,8 @@ def _balls(run: Run, flow: Mapping[str, Any]) -> tuple[I64, int]:
     first, count = flow["bodies"]
     if first < run.balls:
         return np.arange(first, first + count), 1
-    clumps = run.clumps[first - run.balls : first - run.balls + count]
-    return np.concatenate([clump.balls for clump in clumps]), len(clumps[0].balls)
+    clumps = np.arange(first - run.balls, first - run.balls + count)
+    return run.clumps.balls_of(clumps)[1], int(run.clumps.many[clumps[0]])
 
 
 def _of_steps(run: Run, step: I64, body: I64) -> Callable[[int], Place]:
@@ -138,7 +138,7 @@ def of_frames(block: Block, tally: Tally) -> None:
         size = np.abs(end[at]).max(axis=1, initial=0.0) + run.radius[body[mine]]
         tally.measure("flow", norm(block.w1[at]), 0.0, place)
         if flow.get("turned") is False:
-            given_turn = np.array([clump.start[3:7] for clump in run.clumps])[run.clump_of[body[mine]]]
+            given_turn = run.clumps.start[run.clump_of[body[mine]], 3:7]
             turned = block.c1[k[mine], run.clump_of[body[mine]], 3:7]
             off = norm(rotation_vector(product(turned, conjugate(given_turn))))
             tally.measure("flow", off, 16.0 * EPS, place)

@@ -102,8 +102,7 @@ def of_contacts(block: Block) -> Sums:
     size, slide = norm(c.impulse), norm(both[0].sliding)
 
     def together_in_clumps(of_bodies: F64) -> F64:
-        for clump in run.clumps:  # an impulse on one ball moves all
-            of_bodies[:, clump.balls] = of_bodies[:, clump.balls].sum(axis=1, keepdims=True)
+        run.clumps.share(np.add, of_bodies)  # an impulse on one ball moves all
         return of_bodies
 
     ra, rb = reach[c.a], reach[np.minimum(c.b, run.bodies)]
@@ -159,16 +158,16 @@ def fastest(block: Block) -> F64:
     """
     run = block.run
     found = ends(block).copy()
-    for number, clump in enumerate(run.clumps):
-        rows = [of[:, number] for of in (block.c0, block.c1)]
-        spin = np.max([norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in rows], axis=0)
-        along = np.max([norm(row[:, 7:10]) for row in rows], axis=0)
-        if run.box.deforms:
-            against = carried.of_clump(block, number)
-            along = np.maximum(along, against) if run.walls or run.free_walls else against
-        lever = norm(clump.offsets)
-        found[:, clump.balls] = along[:, None] + spin[:, None] / clump.inertia.min() * lever
-        found[:, clump.balls] += carried.apart(block)[:, clump.balls]
+    clumps, balls = run.clumps, run.clumps.balls
+    spin, along = (
+        np.maximum(*(norm(of(rows)) for rows in (block.c0, block.c1)))
+        for of in (clumps.momenta, lambda rows: rows[..., 7:10])
+    )
+    if run.box.deforms:
+        against = carried.of_clumps(block)
+        along = np.maximum(along, against) if run.walls or run.free_walls else against
+    found[:, balls] = along[:, clumps.of] + (spin / clumps.least)[:, clumps.of] * clumps.arm
+    found[:, balls] += carried.apart(block)[:, balls]
     return np.asarray(found)
 
 
@@ -228,11 +227,12 @@ def _sizes(block: Block, c: Rows | hits.Hits, impulse: F64, moment: F64) -> tupl
         pushed = of_bodies(block, c, size, size)
         arms = (run.radius[np.minimum(b, run.bodies - 1)] for b in (c.a, c.b))
         turned = of_bodies(block, c, *(couple + arm * size for arm in arms))
-        for clump in run.clumps:  # an impulse on one ball moves all
-            mine, r = clump.balls, run.radius[clump.balls]
-            whole = pushed[:, mine].sum(axis=1, keepdims=True)
-            couples = (turned[:, mine] - r * pushed[:, mine]).sum(axis=1, keepdims=True)
-            pushed[:, mine], turned[:, mine] = whole, couples + r * whole
+        # An impulse on one ball of a clump moves all.
+        mine, r = run.clumps.balls, run.radius[run.clumps.balls]
+        turned[:, mine] -= r * pushed[:, mine]
+        run.clumps.share(np.add, pushed)
+        run.clumps.share(np.add, turned)
+        turned[:, mine] += r * pushed[:, mine]
     return pushed, turned
 
 

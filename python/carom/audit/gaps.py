@@ -162,10 +162,9 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             pushed = np.where(run.in_clump, 0.0, run.mass)[:, None] * (
                 block.v1 - block.v0 - run.falls * block.dt[:, None, None] - of_box
             )
-            for number, clump in enumerate(run.clumps):
-                gained = (block.c1 - block.c0)[:, number, 7:10] - run.gravity * block.dt[:, None]
-                gained = gained - of_box[:, clump.first]
-                pushed[:, clump.first] = clump.mass * gained
+            gained = (block.c1 - block.c0)[..., 7:10] - run.gravity * block.dt[:, None, None]
+            first = run.clumps.first
+            pushed[:, first] = run.clumps.mass[:, None] * (gained - of_box[:, first])
             given = 8.0 * (block.tolerance * np.sqrt(np.nansum(norm(pushed) ** 2, axis=1)))[k]
             left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
         if run.free_walls:  # of which one may be far heavier than the balls that it presses
@@ -207,9 +206,9 @@ def _fastest(block: Block) -> F64:
         norm(block.v0) + block.run.radius * norm(block.w0), norm(block.v1) + block.run.radius * norm(block.w1)
     )
     found = np.nan_to_num(speed).max(axis=1)
-    for number, clump in enumerate(block.run.clumps):
-        for row in (block.c0[:, number], block.c1[:, number]):
-            found = np.maximum(found, norm(row[:, 7:10]) + clump.reach * norm(row[:, 10:]))
+    for rows in (block.c0, block.c1):
+        fast = norm(rows[..., 7:10]) + block.run.clumps.reach * norm(rows[..., 10:])
+        found = np.maximum(found, np.nan_to_num(fast).max(axis=1, initial=0.0))
     return np.asarray(found)
 
 

@@ -30,8 +30,7 @@ def labels(block: Block) -> I64:
         ends = [int(load[key]) for key in ("a", "b", "body") if int(load.get(key, -1)) >= 0]
         pairs += [(ends[0], ends[-1])] if ends else []
         outer[ends or slice(0, n)] |= load["kind"] != "spring" or load["damping"] > 0.0
-    for clump in run.clumps:
-        pairs += [(clump.first, int(ball)) for ball in clump.balls[1:]]
+    pairs += zip(run.clumps.first[run.clumps.of].tolist(), run.clumps.balls.tolist(), strict=True)
     k, a, b = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     tables: list[Rows | hits.Hits] = [block.rows] if run.has_contacts else []
     for table in [*tables, *([hits.of_block(block)] if run.has_impacts else [])]:

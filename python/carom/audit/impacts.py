@@ -278,9 +278,7 @@ def _taken_back(block: Block, r: Hits) -> F64:
     given, ball = np.zeros(block.count * run.bodies), r.b < run.bodies
     for body, rows in ((r.a, loads), (r.b, loads[ball[loads]])):
         np.add.at(given, r.k[rows] * run.bodies + body[rows], size[rows] / run.mass[body[rows]])
-    for clump in run.clumps:  # an impulse on one ball moves all
-        each = given.reshape(block.count, -1)
-        each[:, clump.balls] = each[:, clump.balls].sum(axis=1, keepdims=True)
+    run.clumps.share(np.add, given.reshape(block.count, -1))  # an impulse on one ball moves all
     other = r.k * run.bodies + np.minimum(r.b, run.bodies - 1)
     return np.asarray(given[r.k * run.bodies + r.a] + np.where(ball, given[other], 0.0))
 

@@ -351,14 +351,14 @@ def _whole_momentum(block: Block, tally: Tally, given: F64) -> None:
     tally.skip(
         "wall impulse", "momentum as a whole: bodies come and go, or loads act", RECORD, int((~judged).sum())
     )
-    alone, of = np.flatnonzero(~run.in_clump[: run.balls]), [clump.mass for clump in run.clumps]
-    mass = np.append(run.mass[alone], of)
+    alone = np.flatnonzero(~run.in_clump[: run.balls])
+    mass = np.append(run.mass[alone], run.clumps.mass)
     v0, v1 = (
         np.concatenate([v[:, alone], rows[..., 7:10]], axis=1)
         for v, rows in ((block.v0, block.c0), (block.v1, block.c1))
     )
     weight = mass.sum() * run.gravity * block.dt[:, None]
-    bodies = np.append(alone, [clump.first for clump in run.clumps]).astype(np.int64)
+    bodies = np.append(alone, run.clumps.first)
     of_box = carried.of_block(block)
     weight = weight + (mass[:, None] * of_box.velocity[:, bodies]).sum(axis=1)
     value = norm((mass[:, None] * (v1 - v0)).sum(axis=1) - weight + given[..., :3].sum(axis=1))

@@ -75,8 +75,7 @@ def near(block: Block) -> Near:
         hit = _reached(block, int(interval), way[interval], far[interval], free[interval])
         free[interval, hit] = False
     _apart_from_passing(block, possible, free)
-    for clump in run.clumps:
-        free[:, clump.balls] = free[:, clump.balls].all(axis=1, keepdims=True)
+    run.clumps.share(np.logical_and, free)
     return Near(k, a, b, gap0, normal0, gap1, normal1, free, far)
 
 

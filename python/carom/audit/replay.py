@@ -521,7 +521,7 @@ class Replay:
         each = 0.5 * np.einsum("ij,ij,ij->i", self.inertia[at], self.now[at], self.now[at])
         if run.clumps:  # of which each ball has a share
             mine = np.flatnonzero(run.in_clump[at % run.bodies])
-            share = run.rigid.many[run.clump_of[at[mine] % run.bodies]]
+            share = run.clumps.many[run.clump_of[at[mine] % run.bodies]]
             each[mine] = flights.energy_of_balls(block, at[mine], self.now[at[mine]]) / share
         kinetic = np.bincount(at // run.bodies, each, minlength=count) + total(np.where(moving, driven, 0.0))
         given = 2.0 * self.compliance[1][rows] * norm(r.impulse)
@@ -545,9 +545,7 @@ class Replay:
             ends = self.at[0], np.where(self.r.b < run.bodies, self.at[1], self.at[0])
             for of in ends:
                 given_up[of[rows][r.scale == 0.0]] = True
-            for clump in run.clumps:
-                whole = given_up.reshape(count, -1)
-                whole[:, clump.balls] = whole[:, clump.balls].any(axis=1, keepdims=True)
+            run.clumps.share(np.logical_or, given_up.reshape(count, -1))
             asked = ~(given_up[ends[0]] | given_up[ends[1]])
             since = total(self._work_since(rows, motion) * asked[rows])
             since = since - np.bincount(

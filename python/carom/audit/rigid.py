@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.arrays import F64, I64
+from carom.arrays import F64, I64, Bool
 from carom.audit.vectors import conjugate, cross, dot, norm, product, rotated
 
 if TYPE_CHECKING:
@@ -31,92 +32,106 @@ SCHEME = 0.2
 
 
 @dataclass(frozen=True)
-class Clump:
-    """One of them, as the model gives it."""
+class Clumps:
+    """All of a run, as its model gives them: C clumps of n balls together, among N bodies."""
 
-    balls: I64
-    """Numbers of its balls, (n,)."""
-    mass: float
-    inertia: F64
-    """Principal moments, (3,), kg m^2."""
-    offsets: F64
-    """Centres of its balls from its centre of mass, (n, 3), in its principal axes, m."""
-    turned: F64
-    """Orientations of its balls in its principal axes, (n, 4)."""
-    reach: float
-    """Largest distance of its surface from its centre of mass, m."""
-    start: F64
-    """Its first row of `frames/clumps`, (13,)."""
-
-    @property
-    def first(self) -> int:
-        """Number of its first ball, which stands for it."""
-        return int(self.balls[0])
-
-    def levers(self, row: F64) -> F64:
-        """Centres of its balls from its centre of mass, (..., n, 3), for rows (..., 13)."""
-        return rotated(row[..., None, 3:7], self.offsets)
-
-    def momentum(self, q: F64, w: F64) -> F64:
-        """Angular momenta (..., 3) of orientations and angular velocities, N m s."""
-        return rotated(q, self.inertia * rotated(conjugate(q), w))
-
-    def turning(self, q: F64, momentum: F64) -> F64:
-        """Angular velocities (..., 3) of orientations and angular momenta, rad/s."""
-        return rotated(q, rotated(conjugate(q), momentum) / self.inertia)
-
-    def energy(self, row: F64) -> F64:
-        """Kinetic energy (...,) of rows (..., 13), J."""
-        v, w = row[..., 7:10], row[..., 10:13]
-        return np.asarray(0.5 * (self.mass * dot(v, v) + dot(w, self.momentum(row[..., 3:7], w))))
-
-    def scheme(self, w: F64, h: float) -> F64:
-        """(K,) rad by which the scheme may be off in the turn of a step `h`, for angular velocities (K, 3)."""
-        return np.asarray(SCHEME * np.minimum(norm(w) * h, 1.0) ** 7)
-
-
-class Clumps(NamedTuple):
-    """All of them, as arrays: C clumps, N bodies."""
-
-    mass: F64
-    """(C,)"""
-    inertia: F64
-    """(C, 3) principal moments."""
-    first: I64
-    """(C,) their first balls."""
     many: I64
-    """(C,) how many balls they have."""
+    """(C,) how many balls each has."""
+    balls: I64
+    """(n,) numbers of their balls, those of one clump after the other."""
+    mass: F64
+    """(C,) kg."""
+    inertia: F64
+    """(C, 3) principal moments, kg m^2."""
     offsets: F64
-    """(N, 3) centres of balls in the principal axes of their clumps, m; 0 of other bodies."""
+    """(N, 3) centres of balls from the centre of mass, in the principal axes, m; 0 of other bodies."""
+    turned: F64
+    """(n, 4) orientations of balls in the principal axes."""
+    reach: F64
+    """(C,) largest distance of the surface from the centre of mass, m."""
+    start: F64
+    """(C, 13) the first row of `frames/clumps`."""
 
-    def momentum(self, number: I64, q: F64, w: F64) -> F64:
-        """Angular momenta (K, 3) of clumps (K,), N m s."""
-        return rotated(q, self.inertia[number] * rotated(conjugate(q), w))
+    def __len__(self) -> int:
+        return len(self.mass)
 
-    def turning(self, number: I64, q: F64, momentum: F64) -> F64:
-        """Angular velocities (K, 3) of clumps (K,), rad/s."""
-        return rotated(q, rotated(conjugate(q), momentum) / self.inertia[number])
+    @cached_property
+    def starts(self) -> I64:
+        """(C,) where the balls of each begin among `balls`."""
+        return np.asarray(np.cumsum(self.many) - self.many)
+
+    @cached_property
+    def of(self) -> I64:
+        """(n,) the clump of each ball."""
+        return np.repeat(np.arange(len(self)), self.many)
+
+    @cached_property
+    def first(self) -> I64:
+        """(C,) the first ball of each, which stands for it."""
+        return np.asarray(self.balls[self.starts])
+
+    @cached_property
+    def least(self) -> F64:
+        """(C,) least moments of inertia."""
+        return np.asarray(self.inertia.min(axis=1))
+
+    @cached_property
+    def most(self) -> F64:
+        """(C,) largest moments of inertia."""
+        return np.asarray(self.inertia.max(axis=1))
+
+    @cached_property
+    def arm(self) -> F64:
+        """(n,) distances of balls from the centres of mass, m."""
+        return norm(self.offsets[self.balls])
+
+    def over(self, function: np.ufunc, values: F64 | Bool) -> Any:
+        """(B, C, ...) sums, maxima, ... of `values` (B, N, ...) over the balls of each."""
+        return function.reduceat(values[:, self.balls], self.starts, axis=1)
+
+    def sum(self, values: F64) -> F64:
+        """(B, C, ...) sums of `values` (B, N, ...) over the balls of each."""
+        return np.asarray(self.over(np.add, values))
+
+    def share(self, function: np.ufunc, values: F64 | Bool) -> None:
+        """Lets all balls of each have the sum, the maximum, ... of their `values` (B, N, ...)."""
+        values[:, self.balls] = self.over(function, values)[:, self.of]
+
+    def levers(self, rows: F64) -> F64:
+        """Centres of balls from the centres of mass, (..., n, 3), for rows (..., C, 13)."""
+        return rotated(rows[..., self.of, 3:7], self.offsets[self.balls])
+
+    def momentum(self, q: F64, w: F64, which: I64 | None = None) -> F64:
+        """Angular momenta (..., C, 3) of orientations and angular velocities, N m s; or (K, 3) of `which` clumps (K,)."""
+        return rotated(q, self._inertia(which) * rotated(conjugate(q), w))
+
+    def turning(self, q: F64, momentum: F64, which: I64 | None = None) -> F64:
+        """Angular velocities (..., C, 3) of orientations and angular momenta, rad/s; or (K, 3) of `which` clumps (K,)."""
+        return rotated(q, rotated(conjugate(q), momentum) / self._inertia(which))
+
+    def _inertia(self, which: I64 | None) -> F64:
+        return self.inertia if which is None else self.inertia[which]
+
+    def momenta(self, rows: F64) -> F64:
+        """Angular momenta (..., C, 3) of rows (..., C, 13), N m s."""
+        return self.momentum(rows[..., 3:7], rows[..., 10:])
+
+    def energy(self, rows: F64) -> F64:
+        """Kinetic energies (..., C) of rows (..., C, 13), J."""
+        v, w = rows[..., 7:10], rows[..., 10:]
+        return np.asarray(0.5 * (self.mass * dot(v, v) + dot(w, self.momenta(rows))))
 
     def balls_of(self, number: I64) -> tuple[I64, I64]:
         """All balls of clumps (K,), and which of the K each belongs to: the latter first."""
         count = self.many[number]
         each = np.repeat(np.arange(len(number)), count)
         within = np.arange(len(each)) - np.repeat(np.cumsum(count) - count, count)
-        return each, self.first[number][each] + within
+        return each, self.balls[self.starts[number][each] + within]
 
 
-def together(clumps: list[Clump], bodies: int) -> Clumps:
-    """The arrays of all clumps of a run with so many bodies."""
-    offsets = np.zeros((bodies, 3))
-    for clump in clumps:
-        offsets[clump.balls] = clump.offsets
-    return Clumps(
-        np.array([clump.mass for clump in clumps]),
-        np.array([clump.inertia for clump in clumps]).reshape(-1, 3),
-        np.array([clump.first for clump in clumps], dtype=np.int64),
-        np.array([len(clump.balls) for clump in clumps], dtype=np.int64),
-        offsets,
-    )
+def scheme(spin: F64, h: float) -> F64:
+    """Angles by which the scheme may be off in the turn of a step `h`, rad, at angular speeds `spin`, rad/s."""
+    return np.asarray(SCHEME * np.minimum(spin * h, 1.0) ** 7)
 
 
 def free(inertia: F64, q: F64, w: F64, h: F64) -> F64:
@@ -160,69 +175,73 @@ def _extrapolated(inertia: F64, q: F64, momentum: F64, h: F64) -> F64:
     return np.asarray(end / norm(end)[:, None])
 
 
-def of_model(model: Mapping[str, Any]) -> list[Clump]:
-    """Those of a model."""
-    found = []
-    for given in model.get("clumps", ()):
-        balls = np.arange(*given["balls"], dtype=np.int64)
-        x, q = (np.array(given[name], dtype=np.float64) for name in ("position", "orientation"))
-        back = conjugate(q / norm(q))
-        offsets = rotated(back, np.asarray(model["position"], dtype=np.float64)[balls] - x)
-        turned = product(back, np.asarray(model["orientation"], dtype=np.float64)[balls])
-        reach = norm(offsets) + np.asarray(model["radius"], dtype=np.float64)[balls]
-        motion = [np.array(given[name], dtype=np.float64) for name in ("velocity", "angular_velocity")]
-        start = np.concatenate([x, q / norm(q), *motion])
-        inertia = np.array(given["inertia"], dtype=np.float64)
-        found.append(Clump(balls, float(given["mass"]), inertia, offsets, turned, float(reach.max()), start))
-    return found
+def of_model(model: Mapping[str, Any], bodies: int) -> Clumps:
+    """Those of a model, of a run with so many bodies."""
+    given = model.get("clumps", ())
+
+    def column(name: str, width: int) -> F64:
+        return np.array([one[name] for one in given], dtype=np.float64).reshape(-1, width)
+
+    many = np.array([np.ptp(one["balls"]) for one in given], dtype=np.int64)
+    balls = np.array([ball for one in given for ball in range(*one["balls"])], dtype=np.int64)
+    of = np.repeat(np.arange(len(many)), many)
+    x, q = column("position", 3), column("orientation", 4)
+    q = q / norm(q)[:, None]
+    back = conjugate(q)[of]
+    at, radius = (np.asarray(model[name], dtype=np.float64)[balls] for name in ("position", "radius"))
+    offsets = np.zeros((bodies, 3))
+    offsets[balls] = rotated(back, at - x[of])
+    turned = product(back, np.asarray(model["orientation"], dtype=np.float64)[balls])
+    reach = np.zeros(len(many))
+    np.maximum.at(reach, of, norm(offsets[balls]) + radius)
+    start = np.hstack([x, q, column("velocity", 3), column("angular_velocity", 3)])
+    return Clumps(many, balls, column("mass", 1)[:, 0], column("inertia", 3), offsets, turned, reach, start)
 
 
-def lightest(clumps: list[Clump], radius: F64, mass: F64, inertia: F64) -> tuple[F64, F64]:
+def lightest(clumps: Clumps, radius: F64, mass: F64, inertia: F64) -> tuple[F64, F64]:
     """Masses and moments of inertia (N,) with those of balls of clumps that bounds ask for."""
-    mass, inertia = mass.copy(), inertia.copy()
-    for clump in clumps:
-        least, b = clump.inertia.min(), clump.balls
-        mass[b] = 1.0 / (1.0 / clump.mass + clump.reach**2 / least)
-        inertia[b] = least * radius[b] / clump.reach
+    mass, inertia, of = mass.copy(), inertia.copy(), clumps.of
+    mass[clumps.balls] = (1.0 / (1.0 / clumps.mass + clumps.reach**2 / clumps.least))[of]
+    inertia[clumps.balls] = clumps.least[of] * radius[clumps.balls] / clumps.reach[of]
     return mass, inertia
 
 
 def kinetic(run: Run, v: F64, w: F64, rows: F64) -> F64:
     """(..., N) kinetic energy of each body, J: that of a clump is its first ball's. `rows` are (..., C, 13)."""
-    found = np.asarray(0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)))
-    for number, clump in enumerate(run.clumps):
-        found[..., clump.balls] = 0.0
-        found[..., clump.first] = clump.energy(rows[..., number, :])
-    return found
+    return _of_bodies(
+        run.clumps, 0.5 * (run.mass * dot(v, v) + run.inertia * dot(w, w)), run.clumps.energy(rows)
+    )
 
 
 def weight(run: Run, x: F64, rows: F64) -> F64:
     """(..., N) `m g x` of each body, J: that of a clump is its first ball's."""
-    found = np.asarray(run.mass * dot(x, run.falls))
-    for number, clump in enumerate(run.clumps):
-        found[..., clump.balls] = 0.0
-        found[..., clump.first] = clump.mass * (rows[..., number, :3] @ run.gravity)
-    return found
+    return _of_bodies(
+        run.clumps, run.mass * dot(x, run.falls), run.clumps.mass * (rows[..., :3] @ run.gravity)
+    )
 
 
 def sizes(run: Run, x: F64, v: F64, w: F64, rows: F64) -> F64:
     """(..., N) sums of the absolute energies of each body, J."""
     height = dot(np.abs(x), np.abs(run.falls))
-    found = np.asarray(run.mass * (dot(v, v) + height) + run.inertia * dot(w, w))
-    for number, clump in enumerate(run.clumps):
-        row = rows[..., number, :]
-        found[..., clump.balls] = 0.0
-        of_weight = clump.mass * dot(np.abs(row[..., :3]), np.abs(run.gravity))
-        found[..., clump.first] = 2.0 * clump.energy(row) + of_weight
+    alone = run.mass * (dot(v, v) + height) + run.inertia * dot(w, w)
+    of_weight = run.clumps.mass * dot(np.abs(rows[..., :3]), np.abs(run.gravity))
+    return _of_bodies(run.clumps, alone, 2.0 * run.clumps.energy(rows) + of_weight)
+
+
+def _of_bodies(clumps: Clumps, alone: F64, of_clumps: F64) -> F64:
+    """(..., N) what bodies have `alone`, and clumps (..., C) at their first balls."""
+    found = np.asarray(alone)
+    found[..., clumps.balls] = 0.0
+    found[..., clumps.first] = of_clumps
     return found
 
 
-def turned_energy(clump: Clump, old: F64, new: F64) -> F64:
-    """(...,) by how much the energy of turning with the angular momentum of rows `old` (..., 13) changes to the orientations
-    of rows `new`, J: loads turn a clump while its angular momentum stays.
+def turned_energy(clumps: Clumps, old: F64, new: F64) -> F64:
+    """(..., C) by how much the energy of turning with the angular momentum of rows `old` (..., C, 13) changes to the
+    orientations of rows `new`, J: loads turn a clump while its angular momentum stays.
     """
-    momentum = clump.momentum(old[..., 3:7], old[..., 10:13])
-    ends = [dot(momentum, clump.turning(row[..., 3:7], momentum)) for row in (old, new)]
+    momentum = clumps.momenta(old)
+    ends = [dot(momentum, clumps.turning(rows[..., 3:7], momentum)) for rows in (old, new)]
     return np.asarray(0.5 * (ends[1] - ends[0]))
 
 
@@ -232,12 +251,10 @@ def placed(run: Run, x: F64, q: F64, rows: F64) -> tuple[F64, F64, F64, F64]:
     """
     x, q = x.copy(), q.copy()
     v, w = np.zeros_like(x), np.zeros_like(x)
-    for number, clump in enumerate(run.clumps):
-        row, b = rows[..., number, :], clump.balls
-        lever = clump.levers(row)
-        x[..., b, :] = row[..., None, :3] + lever
-        q[..., b, :] = product(np.broadcast_to(row[..., None, 3:7], (*lever.shape[:-1], 4)), clump.turned)
-        spin = np.broadcast_to(row[..., None, 10:13], lever.shape)
-        v[..., b, :] = row[..., None, 7:10] + cross(spin, lever)
-        w[..., b, :] = spin
+    clumps = run.clumps
+    lever, of_each, balls = clumps.levers(rows), rows[..., clumps.of, :], clumps.balls
+    x[..., balls, :] = of_each[..., :3] + lever
+    q[..., balls, :] = product(of_each[..., 3:7], clumps.turned)
+    v[..., balls, :] = of_each[..., 7:10] + cross(of_each[..., 10:], lever)
+    w[..., balls, :] = of_each[..., 10:]
     return x, q, v, w

@@ -35,7 +35,7 @@ def frames(block: Block, tally: Tally) -> None:
         wrong = (~np.isfinite(values)).sum(axis=-1) * here
         tally.measure("numbers", wrong, 0.0, block.per_body)
     if run.clumps:
-        wrong = (~np.isfinite(block.c1)).sum(axis=-1) * here[:, run.rigid.first]
+        wrong = (~np.isfinite(block.c1)).sum(axis=-1) * here[:, run.clumps.first]
         tally.measure("numbers", wrong, 0.0, block.per_clump)
         off = np.abs(norm(block.c1[..., 3:7]) - 1.0)
         tally.measure("quaternion", off, 8.0 * EPS, block.per_clump)
@@ -53,7 +53,7 @@ def _absent(block: Block, tally: Tally) -> None:
     still = gone[1:] & gone[:-1] & ~flows.entered(block)
     tables = [(x, v, w, q, gone, still, block.per_body)]
     if run.clumps:
-        c, first = run.motion_of_clumps(rows), run.rigid.first
+        c, first = run.motion_of_clumps(rows), run.clumps.first
         of_clumps = (c[..., :3], c[..., 7:10], c[..., 10:], c[..., 3:7])
         tables.append((*of_clumps, gone[:, first], still[:, first], block.per_clump))
     for place, fast, spin, turn, away, stays, where in tables:
@@ -131,8 +131,7 @@ def _scenario(run: Run, tally: Tally) -> None:
         size = norm(wanted) + run.radius[: run.balls] * (1.0 if name == "position" else 0.0)
         if name == "velocity":  # given against the mean flow
             places = np.array(run.model["position"])
-            for clump in run.clumps:  # whose flow its balls have
-                places[clump.balls] = clump.start[:3]
+            places[run.clumps.balls] = run.clumps.start[run.clumps.of, :3]  # whose flow their balls have
             flow = _flow(run, places)
             away = norm(places) + float(norm(run.box.middle))
             rate = float(run.box.strain_rate(np.zeros(1))[0])
@@ -140,18 +139,17 @@ def _scenario(run: Run, tally: Tally) -> None:
         off = norm(found - wanted) / (size + 1e-300)
         tally.measure("scenario", off, 8.0 * EPS, lambda i: run.frame_place(0, i), present)
     if run.clumps:
-        given = np.array([clump.start for clump in run.clumps])
+        given = run.clumps.start.copy()
         given[:, 7:10] += _flow(run, given[:, :3])[:, :3]
-        lengths = np.array([clump.reach for clump in run.clumps])
         for part, least in (
-            (slice(0, 3), lengths),
+            (slice(0, 3), run.clumps.reach),
             (slice(3, 7), 1.0),
             (slice(7, 10), 0.0),
             (slice(10, 13), 0.0),
         ):
             off = norm(run.motion_of_clumps(slice(0, 1))[0, :, part] - given[:, part])
             off = off / (norm(given[:, part]) + least + 1e-300)
-            place, there = (lambda i: run.frame_place(0, run.clumps[i].first)), present[run.rigid.first]
+            place, there = (lambda i: run.frame_place(0, int(run.clumps.first[i]))), present[run.clumps.first]
             tally.measure("scenario", off, 8.0 * EPS, place, there)
     if run.free_walls:
         along = np.asarray(run.result._segments.column("frames", "free_walls")[0])

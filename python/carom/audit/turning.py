@@ -21,21 +21,21 @@ def momenta(block: Block) -> F64:
     """(B, C, 3) angular momenta before impacts, N m s; at first where contacts are unknown, or of several steps, and of
     clumps that leave.
     """
-    run, sums = block.run, forces.of_contacts(block)
-    found = np.zeros((block.count, len(run.clumps), 3))
-    for number, clump in enumerate(run.clumps):
-        old, new, b = block.c0[:, number], block.c1[:, number], clump.balls
-        first = clump.momentum(old[:, 3:7], old[:, 10:])
-        last = clump.momentum(new[:, 3:7], new[:, 10:])
-        lever = clump.levers(new)
-        given = [(cross(lever, sums.impulse[:, b]) + own[:, b]).sum(axis=1) for own in sums.moments]
-        before = [last - moment for moment in given]
-        nearer = norm(before[0]) - norm(first), norm(before[1]) - norm(first)
-        one = np.abs(nearer[0]) <= np.abs(nearer[1])
-        both = np.where(one[:, None], before[0], before[1])
-        known = block.single & run.has_contacts & block.kept & block.there[:, clump.first]
-        found[:, number] = np.where(known[:, None], both, first)
-    return found
+    run, clumps, sums = block.run, block.run.clumps, forces.of_contacts(block)
+    first, last = clumps.momenta(block.c0), clumps.momenta(block.c1)
+    before = [last - moment(block, sums.impulse, own) for own in sums.moments]
+    one, other = (np.abs(norm(of) - norm(first)) for of in before)
+    both = np.where((one <= other)[..., None], *before)
+    known = (block.single & run.has_contacts & block.kept)[:, None] & block.there[:, clumps.first]
+    return np.where(known[..., None], both, first)
+
+
+def moment(block: Block, given: F64, own: F64) -> F64:
+    """(B, C, 3) moments about the centres of clumps: of impulses (B, N, 3) on balls, and of moments (B, N, 3)."""
+    found = own.copy()
+    clumps = block.run.clumps
+    found[:, clumps.balls] += cross(clumps.levers(block.c1), given[:, clumps.balls])
+    return clumps.sum(found)
 
 
 @once
@@ -45,8 +45,7 @@ def turned_on(block: Block) -> tuple[F64, F64]:
     """
     rows = block.c1.copy()
     rows[..., 7:10] = block.c0[..., 7:10]
-    for number, clump in enumerate(block.run.clumps):
-        rows[:, number, 10:] = clump.turning(rows[:, number, 3:7], momenta(block)[:, number])
+    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], momenta(block))
     found = rigid.placed(block.run, block.x1, block.q1, rows)
     return found[2], found[3]
 
@@ -58,19 +57,22 @@ def of_block(block: Block) -> tuple[F64, F64]:
     """
     run = block.run
     found, off = np.zeros((2, block.count, run.bodies))
-    for number, clump in enumerate(run.clumps):
-        old, new = block.c0[:, number], block.c1[:, number]
-        before, first = momenta(block)[:, number], clump.momentum(old[:, 3:7], old[:, 10:])
-        exact = 0.5 * dot(before, clump.turning(new[:, 3:7], before))
-        exact = exact - 0.5 * dot(first, clump.turning(old[:, 3:7], first))
-        sizes = [norm(clump.momentum(row[:, 3:7], row[:, 10:])) for row in (old, new)]
-        pushed, turned = (of[:, clump.balls] for of in (forces.pushes(block)[0], forces.shifts(block)[1]))
-        largest = np.maximum(*sizes) + clump.reach * pushed.max(axis=1)
-        angle = np.minimum(turned.max(axis=1) + flights.of_block(block).off[:, number], np.pi)
-        most = 0.5 * largest**2 * (1.0 / clump.inertia.min() - 1.0 / clump.inertia.max()) * angle
-        known = block.single & block.there[:, clump.first]
-        found[:, clump.first] = np.where(known, exact, 0.0)
-        off[:, clump.first] = np.where(known & run.has_impacts, 0.0, most)
+    clumps, before, ends = (
+        run.clumps,
+        momenta(block),
+        [run.clumps.momenta(rows) for rows in (block.c0, block.c1)],
+    )
+    exact = 0.5 * dot(before, clumps.turning(block.c1[..., 3:7], before))
+    exact = exact - 0.5 * dot(ends[0], clumps.turning(block.c0[..., 3:7], ends[0]))
+    pushed, turned = (
+        clumps.over(np.maximum, of) for of in (forces.pushes(block)[0], forces.shifts(block)[1])
+    )
+    largest = np.maximum(*map(norm, ends)) + clumps.reach * pushed
+    angle = np.minimum(turned + flights.of_block(block).off, np.pi)
+    most = 0.5 * largest**2 * (1.0 / clumps.least - 1.0 / clumps.most) * angle
+    known = block.single[:, None] & block.there[:, clumps.first]
+    found[:, clumps.first] = np.where(known, exact, 0.0)
+    off[:, clumps.first] = np.where(known & run.has_impacts, 0.0, most)
     return found, off
 
 
@@ -83,12 +85,12 @@ def risen(run: Run, motion: F64) -> F64:
         return found
     touched = run.steps["contacts"] > 0
     lightest = run.mass[run.in_clump].min()
-    for clump in run.clumps:
-        least, most = clump.inertia.min(), clump.inertia.max()
+    kinds = np.column_stack([run.clumps.mass, run.clumps.least, run.clumps.most])
+    for (mass, least, most), many in zip(*np.unique(kinds, axis=0, return_counts=True), strict=True):
         fastest = np.sqrt(2.0 * motion / least)
-        angle = np.where(touched, run.h * np.sqrt(2.0 * motion / lightest * clump.mass / least), 0.0)
-        angle = angle + rigid.SCHEME * np.minimum(run.h * fastest, 1.0) ** 7
-        found += motion * (most / least - 1.0) * np.minimum(angle, 1.0)
+        angle = np.where(touched, run.h * np.sqrt(2.0 * motion / lightest * mass / least), 0.0)
+        angle = angle + rigid.scheme(fastest, run.h)
+        found += many * motion * (most / least - 1.0) * np.minimum(angle, 1.0)
     whole = np.flatnonzero((np.diff(run.step) == 1) & ~run.cut[run.step[1:] - 1])
     exact = np.zeros(len(motion))
     size = max(1, 100_000 // len(run.clumps))
@@ -96,9 +98,7 @@ def risen(run: Run, motion: F64) -> F64:
         mine = whole[first : first + size]
         rows = run.motion_of_clumps(slice(int(mine[0]), int(mine[-1]) + 2))
         old, new = rows[mine - mine[0]], rows[mine - mine[0] + 1]
-        for number, clump in enumerate(run.clumps):
-            gained = rigid.turned_energy(clump, old[:, number], new[:, number])
-            exact[run.step[mine]] += gained
+        exact[run.step[mine]] = np.nansum(rigid.turned_energy(run.clumps, old, new), axis=1)
     at = run.step[whole]
     found[at] = np.maximum(exact[at], 0.0) + 64.0 * EPS * motion[at]
     return found
