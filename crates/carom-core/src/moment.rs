@@ -67,7 +67,10 @@ pub fn impact(
             ..Prediction::default()
         };
     }
-    let span = Span::new(time, h);
+    let span = Span {
+        moment: true,
+        ..Span::new(time, h)
+    };
     let before = scratch.impacts.len();
     correct_velocities(model, state, scratch, span, Demand::Converged, report)?;
     // What the loads alone gave has no size: it is no impact.

@@ -7,7 +7,7 @@
 //! the geometry that the step uses.
 
 use crate::roots::{deflated, falls, value};
-use carom_geom::{Disc, Rectangle, Shape};
+use carom_geom::{Disc, Proximity, Rectangle, Shape};
 use glam::DVec3;
 
 /// Place of a ball as a polynomial of the time since some moment, lowest coefficient first.
@@ -213,16 +213,18 @@ pub fn wall(
     nothing: &Nothing,
 ) -> Meeting {
     let met = shape.meet(course[0], r);
+    let touches = met.gap <= nothing.gap + off[0];
     let mut look = Look {
         shape,
         course,
         off,
         reach: Reach::new(course, off, most, end),
-        carried,
+        along: [carried, touches.then_some(met.normal)],
         r,
         end,
         nothing,
-        touches: met.gap <= nothing.gap + off[0],
+        touches,
+        closes: touches && met.normal.dot(course[1]) < -nothing.speed,
         found: Meeting::Never,
     };
     look.all();
@@ -234,12 +236,15 @@ struct Look<'a> {
     course: &'a Course,
     off: &'a Off,
     reach: Reach,
-    carried: Option<DVec3>,
+    /// Normals of surfaces along which the ball goes: the one that carries it, and this wall.
+    along: [Option<DVec3>; 2],
     r: f64,
     /// What is later is not looked for: the end, or the first meeting found.
     end: f64,
     nothing: &'a Nothing,
     touches: bool,
+    /// It touches the wall now, and comes nearer.
+    closes: bool,
     found: Meeting,
 }
 
@@ -328,18 +333,23 @@ impl Look<'_> {
 
     fn outside(&mut self, from: &Course, size: f64) {
         let reach = self.r + size;
-        // What lies in the surface is passed over at this distance, no nearer.
-        let is_below = |n: DVec3| {
-            let stays = n.dot(from[1]) == 0.0 && n.dot(from[2]) == 0.0;
-            stays && n.dot(from[0]) >= reach - self.nothing.gap
-        };
-        if self.carried.is_some_and(is_below) {
+        if (self.along.iter().flatten()).any(|&n| self.passes(n, from, reach)) {
             return;
         }
         let middle = from[0] + 0.5 * self.end * (from[1] + 0.5 * self.end * from[2]);
         if middle.length() <= reach + self.reach.radius {
             self.feature::<7, 5>(distance_gap(from, reach, 1.0, self.off));
         }
+    }
+
+    /// Whether a ball that goes along a surface with this normal stays `reach` away from a place: it passes over what lies in the surface.
+    fn passes(&self, n: DVec3, from: &Course, reach: f64) -> bool {
+        let [a, b, c] = from.map(|of| n.dot(of));
+        let at = |t: f64| a + t * (b + t * c);
+        let nearest = (-0.5 * b / c).clamp(0.0, self.end);
+        let nearest = if c > 0.0 { nearest } else { 0.0 };
+        let least = at(0.0).min(at(self.end)).min(at(nearest));
+        least - value(self.off, self.end) >= reach - self.nothing.gap
     }
 
     /// The inside of a ball, or of a cylinder about an axis.
@@ -378,15 +388,14 @@ impl Look<'_> {
     /// Takes in when the ball meets a feature, the first time that the wall itself is there.
     fn feature<const N: usize, const M: usize>(&mut self, f: [f64; N]) {
         let near = |t: f64| {
-            let x = self
-                .course
-                .iter()
-                .rev()
-                .fold(DVec3::ZERO, |x, c| x * t + *c);
-            let met = self.shape.meet(x, self.r);
-            met.gap <= self.nothing.gap + value(self.off, t)
+            let (met, speed) = self.at(t);
+            let off = value(self.off, t);
+            // It may touch the wall elsewhere, along which it goes: there it closes nothing.
+            let closes = speed < -self.nothing.speed || off > self.nothing.off;
+            closes && met.gap <= self.nothing.gap + off
         };
-        let touches = self.touches && f[0].abs() <= self.nothing.gap;
+        let here = self.closes || f[1] >= -self.nothing.speed;
+        let touches = self.touches && here && f[0].abs() <= self.nothing.gap;
         let meeting = match closes::<N, M>(f, touches, self.end, self.off, self.nothing, near) {
             Meeting::At(t) if t > 0.0 => Meeting::At(self.polished(t)),
             other => other,
@@ -399,15 +408,18 @@ impl Look<'_> {
         }
     }
 
+    /// Where the ball is nearest to the wall after a time, and how fast it leaves it, m/s.
+    fn at(&self, t: f64) -> (Proximity, f64) {
+        let [x, v, a] = *self.course;
+        let met = self.shape.meet(x + t * (v + t * a), self.r);
+        let speed = met.normal.dot(v + 2.0 * t * a);
+        (met, speed)
+    }
+
     /// A time of meeting once more by the gap itself: polynomials of high degree round where it does not.
     fn polished(&self, t: f64) -> f64 {
-        let terms = self.course.iter().enumerate().rev();
-        let (x, v) = terms.fold((DVec3::ZERO, DVec3::ZERO), |(x, v), (k, c)| {
-            let slope = if k > 0 { v * t + k as f64 * *c } else { v };
-            (x * t + *c, slope)
-        });
-        let met = self.shape.meet(x, self.r);
-        let by = met.gap / met.normal.dot(v);
+        let (met, speed) = self.at(t);
+        let by = met.gap / speed;
         // Where it grazes the rate of the gap means nothing.
         if by.abs() <= POLISH * t {
             (t - by).clamp(0.0, self.end)

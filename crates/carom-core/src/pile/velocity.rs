@@ -177,7 +177,7 @@ impl Pile {
     fn set_tolerances(&mut self, task: &Task, speeds: &Speeds) {
         let Task { model, span, .. } = *task;
         let o = &model.options;
-        let share = o.touching_tolerance / span.h;
+        let share = span.opening(o.touching_tolerance);
         let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
         let mass = self.mean(|i| model.mass[i]);
         let speed = speeds.largest();

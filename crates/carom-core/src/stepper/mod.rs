@@ -14,6 +14,8 @@ pub struct Span {
     pub h: f64,
     /// A part of a step that is halved no more if it fails.
     pub smallest: bool,
+    /// No step, but a moment: `h` only says how large loads are.
+    pub moment: bool,
 }
 
 impl Span {
@@ -23,6 +25,16 @@ impl Span {
             end: start + h,
             h,
             smallest: false,
+            moment: false,
+        }
+    }
+
+    /// The speed that opens such a gap in this step, m/s: none in a moment, in which nothing opens.
+    pub fn opening(&self, gap: f64) -> f64 {
+        if self.moment {
+            0.0
+        } else {
+            gap / self.h
         }
     }
 }

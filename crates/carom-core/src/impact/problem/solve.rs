@@ -323,7 +323,8 @@ impl ImpactScratch {
         if groups > model.options.dense_contacts as usize {
             // The speed that would open or close the touching tolerance in this step (`position_floor`).
             let length = self.sub.node_length.iter().sum::<f64>() / nodes;
-            floor = floor.max(model.options.touching_tolerance * length / self.span.h * mass);
+            let gap = model.options.touching_tolerance * length;
+            floor = floor.max(self.span.opening(gap) * mass);
         }
         let mut options = newton_options(&model.options, groups, floor, false);
         // What the solver leaves must stay clear of what counts as closing (rule R3).
