@@ -8,7 +8,9 @@ from pathlib import Path
 import carom
 import numpy as np
 import pytest
+from carom import billiards
 from carom.audit import check
+from scipy.spatial.transform import Rotation
 
 MU, G, R = 0.2, 9.8, 0.028575
 
@@ -164,3 +166,85 @@ def test_the_exact_break_of_the_paper_is_the_one_on_its_page() -> None:
             at = [by[k].where(by[k].event == "roll ends") for k in (3, 2, 4)]
         found += [[r.time[0], *r.velocity[0]] for r in at]
     np.testing.assert_allclose(found, told, rtol=0, atol=6e-7)
+
+
+@pytest.mark.parametrize("law", ["one-shot", "poisson", "sequence"])
+@pytest.mark.parametrize("gravity", [9.8, 0.0])
+@pytest.mark.parametrize("balls", [3, 6, 12])
+def test_a_row_of_any_length_is_hit_exactly(law: str, gravity: float, balls: int) -> None:
+    """One ball hits a row that touches: together all `n` go on, `v = 4/(n + 1)` of 2 m/s; one after the other the last.
+
+    More than `dense_contacts` once took the speed that opens a gap in a step for what a moment may leave.
+    """
+    r, scene = 0.03, carom.Scene(gravity=(0, 0, -gravity))
+    scene.contact("ball", "ball", friction=0.0, restitution=1.0)
+    scene.contact("ball", "bed", friction=0.0, restitution=0.5)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    for number in range(balls):
+        scene.sphere(f"{number}", radius=r, mass=0.2, at=(2 * r * number, 0.7, r), material="ball")
+    at = (-2 * r - 0.013, 0.7, r)
+    scene.sphere("cue", radius=r, mass=0.2, at=at, velocity=(2, 0, 0), material="ball")
+    found = carom.simulate(scene, method="events", step=0.01, until=0.01, impact=law).velocity[-1, :, 0]
+    together = 4 / (balls + 1)
+    wanted = [0.0] * (balls - 1) + [2.0, 0.0] if law == "sequence" else [together] * balls + [together - 2]
+    assert found == pytest.approx(wanted, abs=1e-11)
+
+
+def test_tight_racks_keep_their_energy() -> None:
+    """60 contacts at once: audited, and the same as of a dense matrix."""
+    table = billiards.table("9ft")
+    for speed in (0.5, 1.5):
+        scene = table.scene("tight", until=0.1 / speed)
+        table.rack(scene, 15)
+        cue = table.cue_ball(scene, at=(1.8, 0.637))
+        billiards.strike(cue, ball_speed=speed)
+        found = carom.simulate(scene)
+        other = carom.simulate(scene, dense_contacts=500)
+        assert check(found).ok
+        assert found.velocity[-1] == pytest.approx(other.velocity[-1], abs=1e-10)
+
+
+@pytest.mark.parametrize("side", [-0.3, 0.0, 0.3])
+def test_a_ball_frozen_to_a_rail_runs_past_its_end(side: float) -> None:
+    table = billiards.table("9ft")
+    scene = table.scene("along the rail", until=0.25)
+    cue = table.cue_ball(scene, at=(1.0, table.reach))
+    billiards.strike(cue, ball_speed=2.0, side=side)
+    found, steps = (carom.simulate(scene, method=of, step=1e-4, every=100) for of in ("events", "nsga"))
+    assert found["cue"].position[-1, 0] > 1.3  # the nose ends at 1.207
+    assert found["cue"].position[-1] == pytest.approx(steps["cue"].position[-1], abs=2e-4)
+
+
+def test_axes_do_not_matter() -> None:
+    """The whole scene turned: what has ended is rounding then, and no event after the other."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        turn = Rotation.from_rotvec(rng.normal(size=3))
+        v, w = rng.normal(size=3) * (1, 1, 0), 20 * rng.normal(size=3)
+        ends = []
+        for by in (Rotation.identity(), turn):
+            to = lambda of, by=by: tuple(by.apply(of))  # noqa: E731
+            scene = carom.Scene(gravity=to((0, 0, -9.8)))
+            rolls = {"rolling_radius": 4e-4, "spinning_radius": 3e-4}
+            scene.contact("ball", "bed", friction=0.2, restitution=0.5, **rolls)
+            scene.plane("bed", point=(0, 0, 0), normal=to((0, 0, 1)), material="bed")
+            moves = {"velocity": to(v), "angular_velocity": to(w)}
+            scene.sphere("ball", radius=0.03, mass=0.17, at=to((0.1, 0.2, 0.03)), material="ball", **moves)
+            found = carom.simulate(scene, method="events", step=0.01, until=2.0)
+            ends.append((by.inv().apply(found["ball"].position[-1].copy()), len(found.transitions)))
+        assert ends[1][0] == pytest.approx(ends[0][0], abs=1e-11)
+        assert ends[1][1] == ends[0][1]
+
+
+@pytest.mark.parametrize("slower", [1e-2, 1e3, 1e6])
+def test_units_of_time_do_not_matter(slower: float) -> None:
+    """Bounces come to rest in weak gravity too."""
+    scene = carom.Scene(gravity=(0, 0, -9.8 / slower**2))
+    scene.contact("ball", "bed", friction=0.2, restitution=0.5)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.sphere(
+        "ball", radius=0.03, mass=0.17, at=(0, 0, 0.05), velocity=(2.5 / slower, 0, 0), material="ball"
+    )
+    found = carom.simulate(scene, method="events", step=0.01 * slower, until=1.5 * slower)
+    assert found["ball"].position[-1, 2] == pytest.approx(0.03, abs=1e-12)
+    assert len(found.transitions) < 40

@@ -63,8 +63,8 @@ impl Run<'_> {
             let n = met.normal;
             let g = -model.gravity.dot(n);
             // What comes down meets it first; what has hardly left it has not.
-            let rises = v.dot(n);
-            let stays = 2.0 * rises <= FLIGHT * g && rises >= -self.nothing(r).speed;
+            let (rises, none) = (v.dot(n), self.nothing(r).speed);
+            let stays = rises <= none.max(0.5 * FLIGHT * g) && rises >= -none;
             let flat = wall.shape.meet(ahead, r).curvature == 0.0 && met.curvature == 0.0;
             if !(g > 0.0 && is_level(n, model.gravity) && stays && flat) {
                 return None;

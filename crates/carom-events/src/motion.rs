@@ -20,7 +20,7 @@ use carom_core::transition::{Kind, Mode};
 use carom_core::Model;
 use glam::{DQuat, DVec3};
 
-/// Slip or speed over that of the ball (1) below which it is rounding. Smaller: what rolls slides on for a moment, event after event.
+/// Slip over the speed of the ball, or spin over the rest of its turning (1), below which it is rounding. Smaller: what rolls slides on for a moment, event after event.
 const ROUNDING: f64 = 1e-13;
 /// Share (1) by which slip and turning may leave one line and count as in it.
 const IN_LINE: f64 = 1e-12;
@@ -160,11 +160,16 @@ impl Motion {
         let law = &model.laws[support.law as usize];
         let bounds = law.bounds;
         let kappa = model.inertia[i] / (model.mass[i] * r * r);
-        let v = v - n * n.dot(v);
-        let spin = n.dot(w);
-        let turn = w - spin * n;
+        let (mut v, mut spin) = (v - n * n.dot(v), n.dot(w));
+        let mut turn = w - spin * n;
         // The part of the slip that turning makes, m/s.
-        let q = r * n.cross(turn);
+        let mut q = r * n.cross(turn);
+        // Where a normal lies along no axis what has ended is never quite 0.
+        if spin.abs() <= ROUNDING * turn.length() {
+            spin = 0.0;
+        } else if v.length() + q.length() <= ROUNDING * r * spin.abs() {
+            (v, turn, q) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        }
         let slip = v + q;
         let speed = v.length() + q.length();
         let slides = slip.length() > ROUNDING * speed;
