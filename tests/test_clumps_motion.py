@@ -413,3 +413,32 @@ def test_a_heap_of_rods_settles_by_sweeps() -> None:
     assert not steps.unconverged.any()
     assert steps.energy_kinetic[-1] < 1e-3 * steps.energy_kinetic.max()
     assert audit.check(run).ok
+
+
+def test_a_load_that_is_taken_back_turns_nothing() -> None:
+    """A lid that a ball carries parts from a spinning dumbbell: without impulses its angular momentum keeps its direction.
+
+    The lid presses at first, as a load. Positions took that back, and turned the angular velocity with it: by 6e-3 rad.
+    """
+    made = carom.Scene(gravity=(0, 0, 0))
+    made.contact("g", "g", friction=0.0, restitution=0.2)
+    made.plane("floor", material="g", point=(0, 0, 0), normal=(0, 0, 1))
+    made.plane("lid", material="g", point=(0, 0, 0.01), normal=(0, 0, -1), free={"mass": "5 g", "force": 1.6})
+    made.sphere("ball", material="g", radius=0.005, density=2500, at=(0, 0, 0.005))
+    apart, angle = 0.002, 0.2
+    made.clump(
+        "dumbbell",
+        material="g",
+        spheres=[[-apart, 0, 0, 0.0025], [apart, 0, 0, 0.0025]],
+        density=2500,
+        position=(0, 0.03, 0.01 - 4e-6 - apart * np.sin(angle) - 0.0025),
+        orientation=(np.cos(angle / 2), 0, np.sin(angle / 2), 0),
+        angular_velocity=(3, 2, 17),
+    )
+    found = carom.simulate(made, step=5e-4, until=0.005, every=1)
+    spins, velocity = found.clumps["dumbbell"].angular_momentum, found.clumps["dumbbell"].velocity
+    still = np.flatnonzero((velocity[1:] == velocity[:-1]).all(axis=1))
+    assert len(still) > 5
+    size = np.linalg.norm(spins[0])
+    assert np.linalg.norm(spins[still + 1] - spins[still], axis=1).max() < 1e-4 * size
+    assert audit.check(found).ok

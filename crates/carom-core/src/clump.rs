@@ -119,18 +119,40 @@ pub(crate) fn turn_back(model: &Model, state: &State, scratch: &mut Scratch) {
 }
 
 /// Velocities before impacts, of clumps that have been turned since the smooth step. While loads turn them the angular momentum stays. What corrects
-/// positions takes their angular velocity along with the body: it would give them energy, or a spin that no force makes.
+/// positions takes their angular velocity along with the body: it would give them energy, or a spin that no force makes. Loads that it took back have
+/// turned nothing.
 pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratch) {
+    let taken_back = match model.clumps.is_empty() {
+        true => Vec::new(),
+        false => taken_back(model, scratch),
+    };
     for (number, i, clump) in present(model, state) {
         let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]);
-        let (by_loads, end) = (
+        let (all_loads, end) = (
             scratch.clumps.by_loads[number],
             scratch.clumps.orientation[number],
         );
+        let back = clump.turning(all_loads, taken_back[number]);
+        let by_loads = advance(-back, all_loads);
         let corrected = end * by_loads.inverse();
         scratch.angular[i].velocity = corrected * clump.turning(by_loads, momentum);
         give(clump, i, scratch);
     }
+}
+
+/// What normal loads that corrections of positions took back had given clumps, N m s^2 about their centres.
+fn taken_back(model: &Model, scratch: &Scratch) -> Vec<DVec3> {
+    let mut moments = vec![DVec3::ZERO; model.clumps.len()];
+    for c in &scratch.contacts {
+        let back = c.moved[0] - c.nu[0].max(0.0).min(c.moved[0]);
+        for (ball, sign) in [(c.a, back), (c.b, -back)] {
+            if let Some(number) = model.clump_of(ball).filter(|_| back > 0.0) {
+                let lever = scratch.clumps.lever[ball as usize];
+                moments[number] += lever.cross(sign * c.load_normal);
+            }
+        }
+    }
+    moments
 }
 
 /// The velocities of a clump to its balls.
