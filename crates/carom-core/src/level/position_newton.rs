@@ -220,7 +220,8 @@ fn options(model: &Model, bodies: &[u32], centres: &[DVec3], groups: usize) -> N
     let largest = centres.iter().map(|x| x.abs().max_element());
     let rounding = f64::EPSILON * largest.fold(0.0, f64::max);
     let share = position_floor(&model.options, groups);
-    let floor = mean(&|i| model.mass[i] * (share * model.radius[i]).max(4.0 * rounding));
+    let way = mean(&|i| (share * model.radius[i]).max(4.0 * rounding));
+    let floor = way / mean(&|i| model.inv_mass[i]);
     NewtonOptions {
         rounding,
         ..newton_options(&model.options, groups, floor, true)

@@ -312,7 +312,8 @@ impl ImpactScratch {
 
     pub(super) fn newton_options(&self, model: &Model) -> NewtonOptions {
         let nodes = self.sub.nodes() as f64;
-        let mass = self.sub.inv_mass.iter().map(|im| 1.0 / im).sum::<f64>() / nodes;
+        // The harmonic mean: beside a wall of a ton grains have impulses of theirs.
+        let mass = nodes / self.sub.inv_mass.iter().sum::<f64>();
         let mut speed = self.speeds.largest();
         if !self.joints.is_empty() {
             // Joints are solved at rest too, where every speed is 0.
