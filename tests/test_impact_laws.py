@@ -564,3 +564,14 @@ def test_the_auditor_tells_which_expansions_it_does_not_judge(
         reasons = [left.why for left in report[kind].unjudged if "expands" in left.why]
         assert len(reasons) == bool(told)
         assert all(told in reason for reason in reasons)
+
+
+@pytest.mark.parametrize("law", [{"expression": "0.8/(1+v)"}, {"table": [[0, 0.9], [5, 0.5]]}])
+def test_a_restitution_law_beside_a_spinning_radius_is_audited(law: dict[str, Any]) -> None:
+    """The compression of such a contact is not known to the auditor: its bound was no number."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("b", "b", friction=0, restitution=law, spinning_radius=1e-3)
+    scene.plane("f", point=(0, 0, 0), normal=(0.2, 0.1, 1), material="b")
+    scene.sphere("a", radius=0.02, mass=0.05, at=(0, 0, 0.1), velocity=(0.9, 0.1, -0.5), material="b")
+    report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.2, impact="poisson"))
+    assert report.ok, str(report)

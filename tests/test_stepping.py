@@ -45,6 +45,10 @@ def test_a_state_is_restored_bit_for_bit() -> None:
     for a, b in zip(there, (sim.time, sim.position, sim.velocity), strict=True):
         np.testing.assert_array_equal(a, b)
     assert np.asarray(sim.result().step).tolist() == list(range(40, 101, 5))
+    with pytest.raises(
+        carom.CaromError, match="restored, at step 40, and runs are judged from their start on"
+    ):
+        carom.audit.check(sim.result())
 
 
 def test_a_struck_ball_moves_and_nothing_else_reaches_the_core() -> None:
@@ -87,8 +91,9 @@ def test_a_controller_acts_through_a_load_function() -> None:
 
 def test_what_is_wrong_is_said() -> None:
     sim = carom.Simulation(find("three_balls"))
-    with pytest.raises(carom.CaromError, match="from 0 on"):
-        sim.step(-1)
+    for wrong in (-1, 1.5, "3", float("nan"), True):
+        with pytest.raises(carom.CaromError, match="from 0 on"):
+            sim.step(wrong)  # type: ignore[arg-type]
     other = carom.Simulation(find("newtons_cradle")).state()
     with pytest.raises(carom.CaromError, match=r"restore: .*what state\(\)"):
         sim.restore(other)

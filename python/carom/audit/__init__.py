@@ -32,6 +32,7 @@ from carom.audit.data import Run, read
 from carom.audit.near import near
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import rerun
+from carom.errors import CaromError
 from carom.result.remarks import remarks
 from carom.run.result import Result
 
@@ -41,12 +42,19 @@ __all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check", "rerun"
 def check(run: Result | str | Path) -> Report:
     """Judge a run: a `carom.Result`, a run directory, or its `results.h5`, also of a run that did not reach its end.
 
-    What the files claim wrongly is a finding of the report; files that cannot be read raise `CaromError`.
+    What the files claim wrongly is a finding of the report. Files that cannot be read raise `CaromError`; so does a record
+    that begins with a restored state (`Simulation.restore`).
     """
     path = Path(run if isinstance(run, (str, Path)) else run.path)
     if path.is_file():
         path = path.parent
     evidence = read(path)
+    restored = evidence.result._about.get("restored")
+    if restored is not None:
+        raise CaromError(
+            f"{evidence.result.title!r}: what is recorded begins with a state that was restored, at step {restored}, and"
+            " runs are judged from their start on: simulate `scene` of the result, or step on without `restore`"
+        )
     tally = Tally()
     with np.errstate(invalid="ignore", over="ignore"):  # NaNs of damaged files are findings, not accidents
         _judge(evidence, tally)

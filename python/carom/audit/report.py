@@ -198,8 +198,13 @@ class Tally:
         return self.verdicts
 
 
+NOTHING = 1e-150
+"""What is no value, in any unit of SI: impulses that die out from step to step, whose bounds round to 0."""
+
+
 def _ratios(values: F64, bounds: F64) -> F64:
     """Values over bounds: infinite where a bound is 0 and the value is not, and where a bound is no number."""
+    values = np.where(values < NOTHING, 0.0, values)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(np.isinf(bounds) & ~np.isinf(values), 0.0, values / bounds)
     return np.where(bounds > 0.0, ratio, np.where((values > 0.0) | np.isnan(bounds), np.inf, 0.0))

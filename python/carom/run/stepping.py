@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from carom import _core
 from carom.errors import CaromError, CaromWarning
+from carom.numeric import is_whole
 from carom.result.directory import now
 from carom.result.record import Memory
 from carom.run.loop import Ending, Sink, advance
@@ -85,7 +86,7 @@ class Simulation(State):
 
         Ctrl-C ends it between two steps with `KeyboardInterrupt`, and it can go on from there.
         """
-        if isinstance(n, bool) or n < 0:
+        if not is_whole(n) or n < 0:
             raise CaromError(f"step: a number of steps from 0 on is needed, found {n!r}")
         plan, target = self._run.plan, self.steps + int(n)
         if self._keep:
@@ -120,6 +121,7 @@ class Simulation(State):
             raise CaromError(
                 f"restore: {error}; give what state() of a simulation of this scene returned"
             ) from error
+        self._run.about["restored"] = self.steps
         self._begin()
 
     def result(self) -> Result:
