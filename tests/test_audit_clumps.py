@@ -252,3 +252,22 @@ def test_a_clump_on_a_pile_that_is_swept(restitution: float, tmp_path: Path) -> 
     assert np.asarray(result.steps["sweeps_velocity"]).max() > 0
     report = audit.check(tmp_path / "run")
     assert report.ok, report.findings
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_a_clump_that_hits_a_mesh_between_two_frames_is_in_no_free_flight(every: int) -> None:
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("g", "g", friction=0.4, restitution=0.3)
+    corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    scene.mesh("floor", material="g", vertices=corners, triangles=[(0, 1, 2), (0, 2, 3)])
+    scene.clump(
+        "rod",
+        material="g",
+        spheres=[[-0.008, 0, 0, 0.008], [0.008, 0, 0, 0.008]],
+        density=2500,
+        position=(0, 0, 0.03),
+        orientation=(0.8, 0, 0.6, 0),
+        velocity=(0, 0, -1),
+    )
+    report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.05, every=every))
+    assert report.ok, str(report)

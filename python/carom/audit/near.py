@@ -75,6 +75,7 @@ def near(block: Block) -> Near:
         hit = _reached(block, int(interval), way[interval], far[interval], free[interval])
         free[interval, hit] = False
     _apart_from_passing(block, possible, free)
+    _apart_from_meshes(block, way, free)
     run.clumps.share(np.logical_and, free)
     return Near(k, a, b, gap0, normal0, gap1, normal1, free, far)
 
@@ -95,6 +96,25 @@ def _apart_from_passing(block: Block, possible: F64, free: Bool) -> None:
         unseen &= ~seen
     free[unseen.any(axis=1)] = False  # it came and went: where, no frame tells
     free[passing.any(axis=1), run.balls :] = False
+
+
+def _apart_from_meshes(block: Block, way: F64, free: Bool) -> None:
+    """Takes out of the `free` what may have come near to a mesh on its way, in intervals of several steps."""
+    run = block.run
+    for wall in run.walls[: run.given_walls]:
+        asked = free & (block.n > 1)[:, None] & np.isfinite(block.x1).all(axis=2)
+        k, body = np.nonzero(asked[:, : run.balls])
+        if wall.mesh is None or not len(k):
+            continue
+        reach = run.radius[body] * (1.0 + MARGIN) + way[k, body]
+        if wall.travels:
+            speed = norm(wall.velocity(block.t1[k], block.x1[k, body], end=True)[0])
+            reach = reach + 2.0 * speed * block.dt[k]
+        x = wall.local(block.t1[k], block.x1[k, body])
+        point, triangle = wall.mesh.near(x, reach)
+        away = norm(x[point] - wall.mesh.closest(x[point], triangle))
+        met = point[away <= reach[point]]
+        free[k[met], body[met]] = False
 
 
 def _balls(block: Block, way: F64, far: Bool) -> tuple[I64, I64, I64, F64]:
