@@ -108,6 +108,8 @@ def test_a_break_through_tens_of_impacts() -> None:
 def test_where_there_is_no_derivative_it_says_so() -> None:
     with pytest.raises(carom.CaromError, match=r"no derivative by .*other events follow"):
         carom.sensitivity(shot(0.6, offset=2.0 - 1e-9, friction=0.0), ["cue.position.y"])
+    with pytest.raises(carom.CaromError, match="to names no input"):
+        carom.sensitivity(shot(0.6), [])
     with pytest.raises(carom.CaromError, match="not one number"):
         carom.sensitivity(shot(0.6), ["cue.velocity"])
     with pytest.raises(carom.CaromError, match="a run fails"):

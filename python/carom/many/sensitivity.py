@@ -82,6 +82,8 @@ def sensitivity(
     Raises `CaromError` where there is no derivative: where the events that follow depend on the smallest change, as at a
     grazing hit, and where balls press one another, so that steps are made.
     """
+    if not to:
+        raise CaromError('sensitivity: to names no input; name some, as ["cue.velocity.x"]')
     options = {**options, "method": "events"}
     runs = (
         _of_function(scene, to, threads, options)

@@ -81,7 +81,9 @@ OPTIONS: dict[str, Option] = {
         " same bits for any number",
         _COUNT,
     ),
-    "max_iterations": Option("Newton iterations per sub-problem before the fallbacks begin", _COUNT),
+    "max_iterations": Option(
+        "Newton iterations per sub-problem before the fallbacks begin", Bounds(ge=1, le=100_000)
+    ),
     "penalty_scale": Option("p of eq. 5 in units of 1/D_cc (rule R1)", Bounds(gt=0, lt=2)),
     "tolerance_floor": Option(
         "absolute floor of eq. 44, relative to m r (larger islands: touching_tolerance)", POSITIVE
@@ -92,7 +94,7 @@ OPTIONS: dict[str, Option] = {
     "touching_tolerance": Option("gap below which a contact counts as touching, relative to r", _FRACTION),
     "proximal_shift": Option("shift of the multiplier block where contacts are redundant", _FRACTION),
     "line_search": Option("halve a Newton step that does not reduce the residual"),
-    "max_line_search": Option("halvings of one Newton step at most", _COUNT_OR_NONE),
+    "max_line_search": Option("halvings of one Newton step at most", Bounds(ge=0, le=60)),
     "max_problems": Option(
         "impact problems per island and step before a collective impact ends it; 0: by the size of the island",
         Bounds(ge=0, le=100_000),
@@ -111,7 +113,7 @@ OPTIONS: dict[str, Option] = {
     "restitution_threshold": Option("approach speed below which restitution is off", NOT_NEGATIVE, "speed"),
     "dense_contacts": Option(
         "largest island, in contacts, that Newton's method solves with a dense, exact matrix",
-        _COUNT_OR_NONE,
+        Bounds(ge=0, le=500),
     ),
     "pile_contacts": Option(
         "largest island, in contacts, not solved by sweeps over spheres from the impulses of the last step",
@@ -119,7 +121,7 @@ OPTIONS: dict[str, Option] = {
     ),
     "gauss_seidel_sweeps": Option(
         "0: Newton's method alone in islands that are no piles; other numbers: other methods where it fails",
-        _COUNT_OR_NONE,
+        Bounds(ge=0, le=1000),
     ),
     "max_halvings": Option(
         "halvings of a step that could not be solved, before the run stops; at 4 it is halved on, up to 8 times",
