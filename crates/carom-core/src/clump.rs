@@ -140,11 +140,12 @@ pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratc
     }
 }
 
-/// What normal loads that corrections of positions took back had given clumps, N m s^2 about their centres.
+/// What normal loads that corrections of positions took back had given clumps, N m s^2 about their centres. What presses on keeps its load: there a
+/// correction of either sign is one.
 fn taken_back(model: &Model, scratch: &Scratch) -> Vec<DVec3> {
     let mut moments = vec![DVec3::ZERO; model.clumps.len()];
-    for c in &scratch.contacts {
-        let back = c.moved[0] - c.nu[0].max(0.0).min(c.moved[0]);
+    for c in scratch.contacts.iter().filter(|c| c.nu[0] <= 0.0) {
+        let back = c.moved[0];
         for (ball, sign) in [(c.a, back), (c.b, -back)] {
             if let Some(number) = model.clump_of(ball).filter(|_| back > 0.0) {
                 let lever = scratch.clumps.lever[ball as usize];
