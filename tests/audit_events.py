@@ -58,6 +58,7 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
                 made.sphere(f"b{k}", radius=r, mass=float(rng.uniform(0.1, 0.2)), material="ball", position=x.tolist(),
                             velocity=v.tolist(), angular_velocity=spin.tolist())  # fmt: skip
                 break
+    _more(made, [(x.tolist(), r) for x, r in placed], np.random.default_rng([seed, 6]))
     options = {
         "method": "events",
         "every": int(rng.choice([1, 1, 4])),
@@ -65,3 +66,22 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         "impact": str(rng.choice(["sequence", "sequence", "one-shot"])),
     }
     return made, options
+
+
+def _more(made: carom.Scene, placed: list[tuple[list[float], float]], rng: np.random.Generator) -> None:
+    """A tight rack that a ball hits, and balls frozen to a rail that run along it, where there is room."""
+    r = 0.03
+    balls: list[tuple[tuple[float, float, float], tuple[float, float, float]]] = []
+    if rng.random() < 0.4:
+        rows, way = int(rng.integers(3, 6)), rng.uniform(-0.4, 0.4)
+        balls += [
+            ((-0.2 + np.sqrt(3) * r * row, (2 * k - row) * r - 0.15, r), (0.0, 0.0, 0.0))
+            for row in range(rows)
+            for k in range(row + 1)
+        ]
+        balls.append(((-0.35, -0.15 + way * r, r), (float(rng.choice([0.5, 3.0])), 0.0, 0.0)))
+    if rng.random() < 0.3:
+        balls.append(((-0.3, WIDE - r, r), (float(rng.choice([0.5, 3.0])), 0.0, 0.0)))
+    for number, (x, v) in enumerate(balls):
+        if all(np.linalg.norm(np.subtract(x, y)) > r + s for y, s in placed):
+            made.sphere(f"more{number}", radius=r, mass=0.17, material="ball", position=x, velocity=v)
