@@ -131,32 +131,37 @@ def test_sweeps_and_newtons_method_agree() -> None:
     assert balls[:4] == pytest.approx(same[:4], abs=1e-7)
 
 
-def test_heavy_walls_are_like_walls_that_stand() -> None:
+@pytest.mark.parametrize("layers", [2, 6])
+def test_heavy_walls_are_like_walls_that_stand(layers: int) -> None:
     """Grains of a milligram between walls of kilograms: what differs is the share of the masses, and no law is broken.
 
-    Residuals were once measured by the mean mass, which is that of the walls.
+    Residuals were once measured by the mean mass, which is that of the walls. Six layers are swept as a pile.
     """
+    across = 2 if layers == 2 else 4
 
     def run(mass: float | None) -> carom.Result:
         scene = carom.Scene(gravity=(0, 0, -9.8))
         scene.contact("g", "g", friction=0.4, restitution=0.3)
         rng, r = np.random.default_rng(1), 5e-4
-        for i in range(8):
-            at = (2.4 * r * (i % 2) + 1.2 * r, 2.4 * r * (i // 2 % 2) + 1.2 * r, 1.2 * r + 2.6 * r * (i // 4))
+        for i in range(layers * across**2):
+            place = (i % across, i // across % across, i // across**2)
+            at = np.multiply(place, (2.4 * r, 2.4 * r, 2.6 * r)) + 1.2 * r
             velocity = rng.uniform(-0.05, 0.05, 3)
             scene.sphere(f"b{i}", material="g", radius=r, density=2500, at=at, velocity=velocity)
         free = {} if mass is None else {"free": {"mass": mass, "weight": False}}
+        wide = 2.4 * r * across + 0.2 * r
         for name, place, normal in (
             ("floor", (0, 0, 0), (0, 0, 1)),
             ("left", (0, 0, 0), (1, 0, 0)),
-            ("right", (5 * r, 0, 0), (-1, 0, 0)),
+            ("right", (wide, 0, 0), (-1, 0, 0)),
             ("front", (0, 0, 0), (0, 1, 0)),
-            ("back", (0, 5 * r, 0), (0, -1, 0)),
+            ("back", (0, wide, 0), (0, -1, 0)),
         ):
             scene.plane(name, material="g", point=place, normal=normal, **free)
-        return carom.simulate(scene, step=5e-4, until=0.1, every=1)
+        return carom.simulate(scene, step=5e-4 if layers == 2 else 2e-4, until=0.1, every=1)
 
     stands, early = run(None), slice(0, 40)  # after some impacts they part as all that collides does
+    assert max(stands.steps["contacts"]) > (100 if layers == 6 else 10)
     for mass in (0.1, 10.0, 1000.0):
         found = run(mass)
         off = np.abs(np.asarray(found.velocity)[early] - np.asarray(stands.velocity)[early]).max()

@@ -248,3 +248,17 @@ def test_units_of_time_do_not_matter(slower: float) -> None:
     found = carom.simulate(scene, method="events", step=0.01 * slower, until=1.5 * slower)
     assert found["ball"].position[-1, 2] == pytest.approx(0.03, abs=1e-12)
     assert len(found.transitions) < 40
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_ball_on_a_rim_does_not_fall_through(restitution: float) -> None:
+    """It is pressed on the rim of a disc and goes along it, closing by no more than rounding."""
+    r, scene = 0.01, carom.Scene(gravity=(5.896893548244714, -7.257340764796024, -2.932175217189408))
+    scene.contact("g", "g", friction=0.3, restitution=restitution)
+    scene.plane("disc", point=(0, 0, 0), normal=(0, 0, 1), radius=0.1, hole=0.02, material="g")
+    at = (-0.09569024632044833, -0.054089821691635, 0.0012650334614540246)
+    velocity = (-0.06403110967943404, 0.15148000443037593, 0.14741047623864983)
+    scene.sphere("ball", radius=r, mass=0.1, at=at, velocity=velocity, material="g")
+    found = carom.simulate(scene, method="events", step=5e-4, until=0.2)["ball"].position
+    out = np.hypot(found[:, 0], found[:, 1])
+    assert (np.hypot(out - np.clip(out, 0.02, 0.1), found[:, 2]) > r * (1 - 1e-9)).all()

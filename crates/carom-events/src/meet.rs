@@ -50,6 +50,10 @@ impl Reach {
 /// Share (1) of a time that its rounding may be off. Larger: grazing times are made worse.
 const POLISH: f64 = 1e-9;
 
+/// Rate of a gap over the speed (1) up to which a ball goes along a wall. Larger: what it meets at a small angle is passed over. Smaller: rounding counts, and
+/// what runs past the end of a wall meets the line in which that lies, event after event.
+const ALONG: f64 = 1e-3;
+
 /// What becomes of a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Meeting {
@@ -224,7 +228,7 @@ pub fn wall(
         end,
         nothing,
         touches,
-        closes: touches && met.normal.dot(course[1]) < -nothing.speed,
+        rate: met.normal.dot(course[1]),
         found: Meeting::Never,
     };
     look.all();
@@ -243,8 +247,8 @@ struct Look<'a> {
     end: f64,
     nothing: &'a Nothing,
     touches: bool,
-    /// It touches the wall now, and comes nearer.
-    closes: bool,
+    /// How fast it leaves the wall now, m/s.
+    rate: f64,
     found: Meeting,
 }
 
@@ -388,14 +392,12 @@ impl Look<'_> {
     /// Takes in when the ball meets a feature, the first time that the wall itself is there.
     fn feature<const N: usize, const M: usize>(&mut self, f: [f64; N]) {
         let near = |t: f64| {
-            let (met, speed) = self.at(t);
-            let off = value(self.off, t);
-            // It may touch the wall elsewhere, along which it goes: there it closes nothing.
-            let closes = speed < -self.nothing.speed || off > self.nothing.off;
-            closes && met.gap <= self.nothing.gap + off
+            let (met, rate) = self.at(t);
+            let slope = (1..N).rev().fold(0.0, |sum, k| sum * t + k as f64 * f[k]);
+            met.gap <= self.nothing.gap + value(self.off, t) && !self.is_elsewhere(t, rate, slope)
         };
-        let here = self.closes || f[1] >= -self.nothing.speed;
-        let touches = self.touches && here && f[0].abs() <= self.nothing.gap;
+        let elsewhere = self.touches && self.is_elsewhere(0.0, self.rate, f[1]);
+        let touches = self.touches && !elsewhere && f[0].abs() <= self.nothing.gap;
         let meeting = match closes::<N, M>(f, touches, self.end, self.off, self.nothing, near) {
             Meeting::At(t) if t > 0.0 => Meeting::At(self.polished(t)),
             other => other,
@@ -406,6 +408,13 @@ impl Look<'_> {
             Meeting::At(t) | Meeting::Closer(t) => self.end = t,
             Meeting::Pressed => self.end = 0.0,
         }
+    }
+
+    /// Whether the ball goes along the wall, which it touches at another place, while it meets a feature where the wall is no more: how fast the gap of the
+    /// wall opens, and that of the feature, m/s.
+    fn is_elsewhere(&self, t: f64, wall: f64, feature: f64) -> bool {
+        let least = -ALONG * (self.course[1] + 2.0 * t * self.course[2]).length();
+        wall > least && feature < 10.0 * least
     }
 
     /// Where the ball is nearest to the wall after a time, and how fast it leaves it, m/s.

@@ -52,8 +52,8 @@ def check(run: Result | str | Path) -> Report:
     restored = evidence.result._about.get("restored")
     if restored is not None:
         raise CaromError(
-            f"{evidence.result.title!r}: what is recorded begins with a state that was restored, at step {restored}, and"
-            " runs are judged from their start on: simulate `scene` of the result, or step on without `restore`"
+            f"{evidence.result.title!r}: what is recorded begins with a state that was restored, at step {restored}, and may"
+            " differ from that of the scene, by which it is judged: give velocities in the scene, or do not restore"
         )
     tally = Tally()
     with np.errstate(invalid="ignore", over="ignore"):  # NaNs of damaged files are findings, not accidents

@@ -205,6 +205,7 @@ class _Laws:
         bound = self.rounding * (8.0 + way) * ratio + free.off
         angle = self._turned() / clumps.least
         doubt = clumps.sum(s.shift_turned + s.shift_again * solved_again(block)[:, None]) / clumps.least
+        # Of forces and moments each by itself: no less than of both.
         left, turned = (
             block.left(norm(of)) for of in (block.rows.position_impulse, block.rows.position_moment)
         )

@@ -108,8 +108,9 @@ def _apart_from_meshes(block: Block, way: F64, free: Bool) -> None:
             continue
         reach = run.radius[body] * (1.0 + MARGIN) + way[k, body]
         if wall.travels:
-            speed = norm(wall.velocity(block.t1[k], block.x1[k, body], end=True)[0])
-            reach = reach + 2.0 * speed * block.dt[k]
+            ends = ((block.t0, block.x0, False), (block.t1, block.x1, True))
+            speed = [norm(wall.velocity(time[k], x[k, body], end=end)[0]) for time, x, end in ends]
+            reach = reach + 2.0 * np.maximum(*speed) * block.dt[k]
         x = wall.local(block.t1[k], block.x1[k, body])
         point, triangle = wall.mesh.near(x, reach)
         away = norm(x[point] - wall.mesh.closest(x[point], triangle))

@@ -465,7 +465,8 @@ class Replay:
         e_t = run.coefficient("tangential_restitution", index)
         slip = -(e_t * own[1])[:, None] * np.nan_to_num(sliding)
         spread = np.nan_to_num(self.pressed.gain[rows]) * 2.0 * left
-        spread = spread + run.rebound(index, np.nan_to_num(speed), own[0] * spread) / own[0]
+        spread = spread + run.rebound(index, speed, own[0] * spread) / own[0]
+        spread = np.where(np.isnan(spread), np.inf, spread)  # how far it expands is not known
         # The safeguard may have taken the expansion back.
         return r.scale * least, r.scale[:, None] * slip, spread
 

@@ -161,7 +161,7 @@ impl Pile {
         };
         let goal = Goal {
             tolerance,
-            floor: self.mean(|i| model.mass[i] * share * model.radius[i]),
+            floor: self.mean(|i| share * model.radius[i]) / self.mean(|i| model.inv_mass[i]),
             scale: 0.0,
             closing: rough * overlap(tolerance, contacts) * smallest,
             worst: 1.0,

@@ -178,8 +178,9 @@ impl Pile {
         let Task { model, span, .. } = *task;
         let o = &model.options;
         let share = span.opening(o.touching_tolerance);
-        let floor = self.mean(|i| model.mass[i] * share * model.radius[i]);
-        let mass = self.mean(|i| model.mass[i]);
+        // The harmonic mean, as of rows.
+        let mass = 1.0 / self.mean(|i| model.inv_mass[i]);
+        let floor = mass * self.mean(|i| share * model.radius[i]);
         let speed = speeds.largest();
         self.velocity.floor = floor.max(o.tolerance_floor * mass * speed);
         (self.velocity.speed, self.velocity.load) = (speed, speeds.load);
