@@ -262,3 +262,19 @@ def test_a_ball_on_a_rim_does_not_fall_through(restitution: float) -> None:
     found = carom.simulate(scene, method="events", step=5e-4, until=0.2)["ball"].position
     out = np.hypot(found[:, 0], found[:, 1])
     assert (np.hypot(out - np.clip(out, 0.02, 0.1), found[:, 2]) > r * (1 - 1e-9)).all()
+
+
+def test_groups_of_more_than_a_hundred_contacts_are_audited() -> None:
+    """Rows of their impacts are sums; that there was such a group is told by `largest_island`."""
+    r, scene = 0.0286, carom.Scene(gravity=(0, 0, 0))
+    scene.contact("b", "b", friction=0.1, restitution=0.95)
+    for i in range(9):
+        for j in range(i + 1):
+            at = (i * np.sqrt(3) * r, (2 * j - i) * r, 0)
+            scene.sphere(f"b{i}_{j}", radius=r, mass=0.17, material="b", at=at)
+    cue = {"at": (-2 * r - 0.001, 0.01, 0), "velocity": (3, 0, 0)}
+    scene.sphere("cue", radius=r, mass=0.17, material="b", **cue)
+    found = carom.simulate(scene, method="events", step=0.0025, until=0.01)
+    assert max(found.steps["largest_island"]) > 100
+    report = check(found)
+    assert report.ok, str(report)

@@ -25,7 +25,10 @@ impl Run<'_> {
         islands.build(model, contacts, &[], |_| true);
         let (state, report) = (&*self.state, &mut *self.report);
         report.candidates = contacts.len() as u32;
+        let largest = report.largest_island;
         report.count(islands);
+        // Of all impacts of the step, in which not every contact need act.
+        report.largest_island = report.largest_island.max(largest);
         let (mut kinetic, mut potential) = (0.0, 0.0);
         for i in 0..n {
             let (v, w) = (state.velocity[i], state.angular_velocity[i]);

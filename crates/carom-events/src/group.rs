@@ -15,7 +15,7 @@ impl Run<'_> {
             self.bring(i, t);
         }
         let before = self.scratch.impacts.len();
-        let motions = &self.events.motions;
+        let (motions, largest) = (&self.events.motions, self.report.largest_island);
         impact(
             self.model,
             self.state,
@@ -25,6 +25,7 @@ impl Run<'_> {
             |i| motions[i].support.map(|s| s.wall),
             self.report,
         )?;
+        self.report.largest_island = self.report.largest_island.max(largest);
         for i in &group {
             let (v, w) = (self.state.velocity[*i], self.state.angular_velocity[*i]);
             if !within_bounds(v, w) {
