@@ -350,7 +350,8 @@ impl Look<'_> {
     fn passes(&self, n: DVec3, from: &Course, reach: f64) -> bool {
         let [a, b, c] = from.map(|of| n.dot(of));
         let at = |t: f64| a + t * (b + t * c);
-        let nearest = (-0.5 * b / c).clamp(0.0, self.end);
+        let nearest = (-0.5 * b / c).max(0.0).min(self.end);
+        // No `clamp`: an end that rounding has before now would be a panic.
         let nearest = if c > 0.0 { nearest } else { 0.0 };
         let least = at(0.0).min(at(self.end)).min(at(nearest));
         least - value(self.off, self.end) >= reach - self.nothing.gap
