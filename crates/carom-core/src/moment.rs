@@ -67,10 +67,7 @@ pub fn impact(
             ..Prediction::default()
         };
     }
-    let span = Span {
-        moment: true,
-        ..Span::new(time, h)
-    };
+    let span = Span::moment(time, h);
     let before = scratch.impacts.len();
     correct_velocities(model, state, scratch, span, Demand::Converged, report)?;
     // What the loads alone gave has no size: it is no impact.

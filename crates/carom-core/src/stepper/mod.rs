@@ -29,6 +29,14 @@ impl Span {
         }
     }
 
+    /// A moment, with loads as large as those of a step `h`.
+    pub fn moment(time: f64, h: f64) -> Span {
+        Span {
+            moment: true,
+            ..Span::new(time, h)
+        }
+    }
+
     /// The speed that opens such a gap in this step, m/s: none in a moment, in which nothing opens.
     pub fn opening(&self, gap: f64) -> f64 {
         if self.moment {
