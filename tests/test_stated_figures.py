@@ -106,3 +106,34 @@ def test_velocities_that_joints_hold(tolerance: float, held: float, tmp_path: Pa
     assert len(speeds) > 8
     assert max(lengths) < 1e-10
     assert max(speeds) < held
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("ratio", [1e3, 1e5, 1e7])
+@pytest.mark.parametrize(("tolerance", "held"), [(1e-8, 1e-7), (1e-12, 1e-11)])
+def test_velocities_that_joints_hold_beside_a_heavy_ball(ratio: float, tolerance: float, held: float) -> None:
+    """The same where impulses of a heavy ball hide those of light ones: two that a joint holds hang on it and hit the floor."""
+    arms = np.array([[0.05, -0.009, 0.0], [-0.02, -0.009, 0.02]])
+    missed = []
+    for seed in range(4):
+        scene = carom.Scene(gravity=(0, 0, -G))
+        scene.contact("b", "b", friction=0.3, restitution=0.5)
+        scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="b")
+        scene.sphere("big", radius=0.07, mass=1, material="b", position=(0, 0, 0.071 + 0.004 * seed))
+        light = np.array([0.12, 0, 0.11])
+        scene.sphere("a", radius=0.02, mass=1 / ratio, material="b", position=light.tolist())
+        scene.sphere(
+            "c", radius=0.0075, mass=0.3 / ratio, material="b", position=(light + arms[0] - arms[1]).tolist()
+        )
+        scene.joint("ball", between=("a", "c"), point=(light + arms[0]).tolist())
+        scene.joint("rod", between=("big", "a"))
+        run = carom.simulate(scene, step=1e-3, until=0.3, tolerance=tolerance)
+        ends = []
+        for ball, arm in zip((1, 2), arms, strict=True):
+            w, q = run.orientation[:, ball, :1], run.orientation[:, ball, 1:]
+            turned = arm + 2 * np.cross(q, np.cross(q, arm) + w * arm)
+            ends.append(run.velocity[:, ball] + np.cross(run.angular_velocity[:, ball], turned))
+        assert run.summary["fallbacks"] == 0
+        missed.append(np.abs(ends[0] - ends[1]).max() / np.abs(run.velocity).max())
+    print(f"ratio {ratio:g}, tolerance {tolerance:g}: velocities to {max(missed):.1e} of the fastest")
+    assert max(missed) < held

@@ -35,6 +35,8 @@ pub struct NewtonOptions {
     pub gap_tolerance: f64,
     /// What the worst contact may close by, m/s (velocity level); infinite: not asked.
     pub closing: f64,
+    /// By how much a row, or a node's velocity, may miss what the impulses that are taken make of it, m/s (velocity level); infinite: not asked.
+    pub missed: f64,
     /// Rounding of a coordinate, m: what a gap cannot be known better than (position level).
     pub rounding: f64,
     pub max_iterations: u32,
@@ -374,6 +376,33 @@ impl Newton {
         }
     }
 
+    /// Whether rows of impulses, and velocities of nodes, are those of the projected impulses, each by itself. (Norms of all impulses tell nothing of
+    /// what is light.)
+    fn none_misses(&self, system: &RowSystem, options: &NewtonOptions, u: &[f64]) -> bool {
+        if options.missed.is_infinite() {
+            return true;
+        }
+        let rows = system.contacts.iter().all(|c| {
+            let translational = (c.row + c.translational) as usize;
+            c.rows().all(|row| {
+                let lever = if row < translational { 1.0 } else { c.length };
+                self.at.residual[row].abs() * lever <= options.missed * self.at.penalty[row]
+            })
+        });
+        rows && (0..system.nodes()).all(|node| {
+            let length = system.node_length[node];
+            let inverse = [
+                (1.0, system.inv_mass[node]),
+                (length, system.inv_inertia[node]),
+            ];
+            (0..NODE_DOF).all(|k| {
+                let (lever, inverse) = inverse[k / 3];
+                let at = NODE_DOF * node + k;
+                (u[at] - inverse * self.force[at]).abs() * lever <= options.missed
+            })
+        })
+    }
+
     /// Whether no contact closes faster than it may.
     fn none_closes(&self, system: &RowSystem, options: &NewtonOptions) -> bool {
         let mut contacts = system.contacts.iter().filter(|c| !c.bilateral);
@@ -449,7 +478,7 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         self.terms.residual
     }
 
-    fn stop(&mut self, _: &mut [f64], merit: f64, iterations: u32) -> bool {
+    fn stop(&mut self, x: &mut [f64], merit: f64, iterations: u32) -> bool {
         let (newton, on, report) = (&mut *self.newton, &*self.on, &mut self.report);
         if iterations == 0 {
             newton.began = merit;
@@ -458,7 +487,8 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
         newton.history.push(report.residual);
         report.converged = merit.is_finite()
             && report.residual < on.options.tolerance
-            && newton.are_closed(on.system, on.options);
+            && newton.are_closed(on.system, on.options)
+            && newton.none_misses(on.system, on.options, &x[newton.at.phi.len()..]);
         self.since_better += 1;
         if report.residual < 0.5 * self.best {
             (self.best, self.since_better) = (report.residual, 0);

@@ -89,6 +89,7 @@ pub(crate) fn newton_options(
             f64::INFINITY
         },
         closing: f64::INFINITY,
+        missed: f64::INFINITY,
         rounding: 0.0,
         max_iterations: options.max_iterations,
         penalty_scale: options.penalty_scale,

@@ -197,6 +197,7 @@ pub fn sharp() -> NewtonOptions {
         floor: 1e-16,
         gap_tolerance: f64::INFINITY,
         closing: f64::INFINITY,
+        missed: f64::INFINITY,
         rounding: 0.0,
         max_iterations: 50,
         penalty_scale: 0.5,

@@ -333,9 +333,9 @@ impl ImpactScratch {
         let least = closing.fold(f64::INFINITY, f64::min);
         if options.tolerance >= COARSE_TOLERANCE {
             options.closing = closing_left(least, options.tolerance, self.speeds.largest());
-        } else if self.speeds.speed > 0.0 {
-            // Newton's method ends finely at no cost. (The norm of all tells little of a light ball beside a heavy lid.)
-            options.tolerance = options.tolerance.min(least / (10.0 * self.speeds.speed));
+        } else if !model.options.is_printed() {
+            // The norm of all impulses tells little of a light ball beside a heavy one, and of its joints: Newton's method ends finely at no cost.
+            options.missed = (options.tolerance * speed).min(0.1 * least);
         }
         if self.fineness < 1.0 {
             // From a solution, by Newton's method alone.
