@@ -112,7 +112,7 @@ def test_velocities_that_joints_hold(tolerance: float, held: float, tmp_path: Pa
 @pytest.mark.parametrize("ratio", [1e3, 1e5, 1e7])
 @pytest.mark.parametrize(("tolerance", "held"), [(1e-8, 1e-7), (1e-12, 1e-11)])
 def test_velocities_that_joints_hold_beside_a_heavy_ball(ratio: float, tolerance: float, held: float) -> None:
-    """The same where impulses of a heavy ball hide those of light ones: two that a joint holds hang on it and hit the floor."""
+    """The same where impulses of a heavy ball hide those of two light ones that hang on it and hit the floor."""
     arms = np.array([[0.05, -0.009, 0.0], [-0.02, -0.009, 0.02]])
     missed = []
     for seed in range(4):
