@@ -72,6 +72,29 @@ def test_a_ball_in_a_bowl_keeps_its_amplitude(friction: float) -> None:
     assert len(result.impacts["step"]) == 0
 
 
+@pytest.mark.parametrize("pile_contacts", [1, 1000])
+@pytest.mark.parametrize(("friction", "share"), [(0.0, 1.0), (0.5, 5 / 7)])
+def test_a_ball_runs_through_a_loop(friction: float, share: float, pile_contacts: int) -> None:
+    """Above the axis its weight pulls it off the wall that turns it: no fallback, and the motion of a pendulum that goes round."""
+    path, speed, step = 0.25 - BALL["radius"], 5.0, 1e-3
+    found = scene(step, 1.0, friction, pile_contacts=pile_contacts)
+    found.cylinder("loop", point=(0, 0, 0.25), axis=(0, 1, 0), radius=0.25, inside=True, material="wall")
+    rolling = speed / BALL["radius"] if friction else 0.0
+    found.sphere("ball", **BALL, position=(0, 0, BALL["radius"]), velocity=(speed, 0, 0),
+                 angular_velocity=(0, rolling, 0))  # fmt: skip
+    result = carom.simulate(found)
+    assert result.summary["fallbacks"] == result.summary["unconverged"] == 0
+    turn, rate = 0.0, speed / path
+    for _ in range(20_000):  # leapfrog, 5e-5 s
+        rate -= 0.5 * 5e-5 * share * G / path * math.sin(turn)
+        turn += 5e-5 * rate
+        rate -= 0.5 * 5e-5 * share * G / path * math.sin(turn)
+    x = result.position[-1, 0] - [0, 0, 0.25]
+    assert math.atan2(x[0], -x[2]) == pytest.approx(math.remainder(turn, 2 * math.pi), abs=5e-3)
+    kept = energy(result.steps)
+    assert abs(kept[-1] / kept[0] - 1) < 2e-5
+
+
 def column(found: carom.Scene) -> None:
     found.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
     for k in range(6):

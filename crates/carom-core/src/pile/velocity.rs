@@ -382,7 +382,8 @@ impl ImpactIsland for SphereIsland<'_, '_, '_> {
     }
 
     fn gains_energy(&self) -> bool {
-        self.pile.gains_energy(self.on.task.model)
+        self.pile
+            .gains_energy(self.on.task.model, self.on.scratch.contacts)
     }
 
     fn later(&mut self, _: Law, first: u32) -> Option<bool> {
