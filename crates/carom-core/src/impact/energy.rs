@@ -136,30 +136,6 @@ pub fn scales(
     any.then(|| nodes.map(|n| of_group[joined.root(n) as usize]).collect())
 }
 
-/// Most work of a normal impulse of the loads that turns by twice `turned` in the step, J, `change` being what the loads make of the relative velocity:
-/// what they do along the surface lengthens the velocity after it over that before, and both have a part along the mean of the normals.
-pub fn by_turn(impulse: f64, turned: DVec3, change: DVec3) -> f64 {
-    impulse * 2.0 * turned.length() * change.length()
-}
-
-/// Whether a group of contacts has gained energy by all its impulses, of loads and of impacts, judged from the velocities that the loads alone would
-/// give, and just as much where the loads act beside the impulses, from t_n on. (A load that pulls a ball off a curved wall does so while the wall
-/// turns it: the mean of both velocities, with which the wall's impulse works, has half of the load in it.) `beside`: most work of the difference, J.
-pub fn gains_beside_loads(
-    mut works: Vec<ContactWork>,
-    beside: impl Fn(usize) -> f64,
-    admit: Admit,
-    kinetic: impl Fn() -> Vec<f64>,
-) -> bool {
-    if scales(&works, admit, &kinetic).is_none() {
-        return false;
-    }
-    for (slot, work) in works.iter_mut().enumerate() {
-        work.terms[0] -= beside(slot);
-    }
-    scales(&works, admit, kinetic).is_some()
-}
-
 /// The largest s in [0, 1] at which `c0 + c1 s + c2 s^2`, convex and above 0 at 1, is not above 0; 0 where it is so even there.
 fn largest_without_gain([c0, c1, c2]: [f64; 3]) -> f64 {
     if c0 >= 0.0 {

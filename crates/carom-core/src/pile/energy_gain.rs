@@ -1,17 +1,15 @@
 //! Work of the contacts of a pile ([`crate::impact::energy`]).
 
 use super::chunks;
-use super::closed_contact::{change, ClosedContact, Frame, FIXED};
+use super::closed_contact::{change, ClosedContact, FIXED};
 use super::roll;
 use super::velocities::Velocities;
-use crate::contact::Contact;
-use crate::impact::energy::{by_turn, gains_beside_loads, mix, scales, Admit, ContactWork};
+use crate::impact::energy::{mix, scales, Admit, ContactWork};
 use crate::impact::law::Law;
 use crate::model::Model;
 use crate::pile::limits::tolerance;
 use crate::pile::memory::Pile;
 use crate::workspace::On;
-use carom_solve::rows::WORLD;
 use glam::DVec3;
 
 /// A solution of the problem at hand.
@@ -37,28 +35,11 @@ impl Velocities {
         }
         kinetic
     }
-
-    /// What the impulses of the loads may do at a contact over what they would from the velocities of t_n, J.
-    fn work_beside_loads(&self, slot: usize, contacts: &[Contact], frame: Frame) -> f64 {
-        let m = frame.state(contacts, &self.closed[slot]);
-        let turned = self.turning.get(slot).map_or(0.0, |t| {
-            let change = self.free_turn(slot as u32) - self.turn_before(slot as u32);
-            (t.moment - t.hit).dot(change)
-        });
-        let (load, change) = (m.impulse - m.hit, self.free(&m) - self.before(&m));
-        let at = |node: u32| match node {
-            WORLD => DVec3::ZERO,
-            node => self.check[node as usize][0] - self.old[node as usize][0],
-        };
-        let by_normal = m.normal - self.closed[slot].normal;
-        let by_turn = by_turn(load.dot(m.normal), by_normal, at(m.a) - at(m.b));
-        0.5 * (load.dot(change) + turned) + by_turn
-    }
 }
 
 impl Pile {
     /// Whether all impulses so far have given a group of contacts energy.
-    pub(super) fn gains_energy(&self, model: &Model, contacts: &[Contact]) -> bool {
+    pub(super) fn gains_energy(&self, model: &Model) -> bool {
         let memory = &self.velocity;
         if !model.options.energy_safeguard {
             return false;
@@ -73,11 +54,11 @@ impl Pile {
                 ..ContactWork::between(m.a, m.b)
             }
         });
-        let admit = Admit::Tolerance(tolerance(model));
-        let kinetic = || memory.kinetic(self, |_| [DVec3::ZERO; 2]);
-        let frame = Frame::of_loads(&model.options);
-        let beside = |slot: usize| memory.work_beside_loads(slot, contacts, frame);
-        gains_beside_loads(works.collect(), beside, admit, kinetic)
+        let works: Vec<ContactWork> = works.collect();
+        scales(&works, Admit::Tolerance(tolerance(model)), || {
+            memory.kinetic(self, |_| [DVec3::ZERO; 2])
+        })
+        .is_some()
     }
 
     /// Forgets all impulses and impacts of the step; what the loads alone gave stays known.

@@ -382,8 +382,7 @@ impl ImpactIsland for SphereIsland<'_, '_, '_> {
     }
 
     fn gains_energy(&self) -> bool {
-        self.pile
-            .gains_energy(self.on.task.model, self.on.scratch.contacts)
+        self.pile.gains_energy(self.on.task.model)
     }
 
     fn later(&mut self, _: Law, first: u32) -> Option<bool> {

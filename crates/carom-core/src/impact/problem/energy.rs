@@ -1,11 +1,10 @@
 //! Work of an island's contacts and joints ([`crate::impact::energy`]).
 
-use crate::impact::energy::{by_turn, gains_beside_loads, mix, scales, Admit, ContactWork};
+use crate::impact::energy::{mix, scales, Admit, ContactWork};
 use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
-use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
+use carom_solve::rows::{RowContact, NODE_DOF};
 use carom_solve::Status;
-use glam::DVec3;
 
 /// A solution of the problem at hand: multipliers, corrections of the velocities, impulses of the loads that answer them.
 pub struct RowSolution {
@@ -61,36 +60,11 @@ impl ImpactScratch {
                 ..ContactWork::between(c.node_a, c.node_b)
             }
         });
-        let admit = Admit::Tolerance(model.options.tolerance);
-        let kinetic = || self.kinetic(&vec![0.0; self.jump.len()]);
-        let beside = |slot: usize| self.work_beside_loads(slot);
-        gains_beside_loads(works.collect(), beside, admit, kinetic)
-    }
-
-    /// What the impulses of the loads may do at a contact over what they would from the velocities of t_n, J.
-    fn work_beside_loads(&self, slot: usize) -> f64 {
-        let c = &self.full.contacts[slot];
-        let (row, end) = (c.row as usize, &self.full.jac);
-        let (Some(middle), Some(load)) = (self.middle.get(c.rows()), self.load.get(c.rows()))
-        else {
-            return 0.0;
-        };
-        let change: Vec<f64> = (self.v_check.iter().zip(&self.v_old))
-            .map(|(v, old)| v - old)
-            .collect();
-        let wall = |r: usize| {
-            let [old, new] = [0, 1].map(|end| self.driven[end].get(row + r).copied());
-            new.zip(old).map_or(0.0, |(new, old)| new - old)
-        };
-        let along = |r: usize| load[r] * (c.along(&middle[r], &change) + wall(r));
-        let done: f64 = (0..c.dim as usize).map(along).sum();
-        let normal = |row: &[[f64; NODE_DOF]; 2]| DVec3::from_slice(&row[0]);
-        let of = |node: u32| match node {
-            WORLD => DVec3::ZERO,
-            node => DVec3::from_slice(&change[NODE_DOF * node as usize..]),
-        };
-        let turned = normal(&middle[0]) - normal(&end[row]);
-        0.5 * done + by_turn(load[0], turned, of(c.node_a) - of(c.node_b))
+        let works: Vec<ContactWork> = works.collect();
+        scales(&works, Admit::Tolerance(model.options.tolerance), || {
+            self.kinetic(&vec![0.0; self.jump.len()])
+        })
+        .is_some()
     }
 
     /// Forgets all impulses of the step, and the rows of `problem`.
