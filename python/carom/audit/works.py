@@ -38,19 +38,18 @@ def done(push: F64, slide: F64, moment: F64, lever: F64, before: Rates, after: R
 
 
 def along_mean(run: Run, p: Pairs, impulse: F64, moment: F64, first: F64, motions: list[Motion]) -> F64:
-    """(K, 4) the same of loads that were solved once: half-way between the normals `first` and `p.foot`, but of walls in the
-    frame of the latter.
+    """(K, 4) the same of loads that were solved once: half-way between the normals `first` and `p.foot`, of walls with the velocity
+    that they have at the latter.
     """
     middle, none = unit(first + p.foot), np.zeros_like(impulse)
     still: Motion = (none, none, none, none)
-    (push, slide), stated = loads_once.parts(impulse, middle), loads_once.along_mean(impulse, first, p.foot)
-    of = [rates(run, p, motion, middle, middle) for motion in (*motions, still)]
-    wall = rates(run, p, still, p.foot, p.foot)
-    of_motion = done(push, slide, moment, middle, of[0], of[1]) - done(
-        push, slide, moment, middle, of[2], of[2]
-    )
-    turned = loads_once.along_mean(moment, first, p.foot).stated
-    return of_motion + done(stated.normal, across(stated.stated, p.foot), turned, p.foot, wall, wall)
+    push, slide = loads_once.parts(impulse, middle)
+    own, at_foot = rates(run, p, still, middle, middle), rates(run, p, still, p.foot, p.foot)
+    wall = at_foot.normal[:, None] * p.foot + at_foot.slip
+    normal, slip = dot(wall, middle) - own.normal, across(wall, middle) - own.slip
+    of = (rates(run, p, motion, middle, middle) for motion in motions)
+    before, after = (Rates(x.normal + normal, x.slip + slip, x.turning) for x in of)
+    return done(push, slide, moment, middle, before, after)
 
 
 def judge(block: Block, tally: Tally) -> None:

@@ -49,6 +49,8 @@ pub struct ImpactScratch {
     pub(super) measured: Vec<[[f64; NODE_DOF]; 2]>,
     /// What moving walls add to the measures of contact rows at t_n and t_{n+1}; empty: none moves.
     pub(super) driven: [Vec<f64>; 2],
+    /// The same at t_{n+1} along the rows of `middle`.
+    pub(super) driven_middle: Vec<f64>,
     /// Slots (into `members`) of the contacts of the problem at hand.
     pub chosen: Vec<usize>,
     /// Closing tolerance of each contact, m/s, and changes of their walls' normal velocities, where walls move.

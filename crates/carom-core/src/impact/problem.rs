@@ -14,6 +14,7 @@ use crate::level::speeds::{opening, Speeds};
 use crate::level::{Demand, Task};
 use crate::model::Model;
 use crate::rows::{flat, Rows};
+use crate::wall::WallTwist;
 use crate::workspace::On;
 use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
 use carom_solve::Status;
@@ -36,6 +37,7 @@ impl ImpactScratch {
         self.members.clear();
         self.members.extend_from_slice(members);
         self.driven.iter_mut().for_each(Vec::clear);
+        self.driven_middle.clear();
         self.wall_speeds = Speeds::default();
         self.wall_loads.clear();
         self.wall_openings.clear();
@@ -57,8 +59,8 @@ impl ImpactScratch {
                 &rows[..dim],
                 &[0.0; 6][..dim],
             );
+            let mut middle = Rows::default();
             if once {
-                let mut middle = Rows::default();
                 scratch.clumps.middle_rows(model, c, &mut middle);
                 self.middle.extend_from_slice(&middle[..dim]);
                 self.opening.push(opening(model, state, walls, c));
@@ -69,10 +71,17 @@ impl ImpactScratch {
                 // Where loads are solved once the smooth step may have left the surface: it is the surface that moves.
                 let left = if once { c.gap * c.n1 } else { DVec3::ZERO };
                 let new = walls.end_twist(model, c, scratch.position[i] - left);
-                let mut measures = [[0.0; 6]; 2];
+                let (mut measures, mut along_middle) = ([[0.0; 6]; 2], [0.0; 6]);
                 if let (Some(old), Some(new)) = (old, new) {
                     old.measures(&rows, dim, &mut measures[0]);
                     new.measures(&rows, dim, &mut measures[1]);
+                    let [shape, material] = [new.at(c.n1); 2];
+                    let of_end = WallTwist {
+                        shape,
+                        material,
+                        ..new
+                    };
+                    of_end.measures(&middle, dim, &mut along_middle);
                     self.wall_speeds.add_wall(&old, &new);
                 }
                 self.wall_loads
@@ -82,6 +91,7 @@ impl ImpactScratch {
                 for (all, of_contact) in self.driven.iter_mut().zip(&measures) {
                     all.extend_from_slice(&of_contact[..dim]);
                 }
+                self.driven_middle.extend_from_slice(&along_middle[..dim]);
             }
         }
         self.span = on.task.span;
@@ -177,6 +187,12 @@ impl ImpactScratch {
         self.full.row_velocity(c, row, v) + wall
     }
 
+    /// What a moving wall adds to a row of `middle` at t_{n+1}.
+    #[inline]
+    pub(super) fn wall_along_middle(&self, row: usize) -> f64 {
+        self.driven_middle.get(row).copied().unwrap_or(0.0)
+    }
+
     /// Normal relative velocity of a contact at `v_check + jump`.
     #[inline]
     pub fn normal_velocity(&self, slot: usize, jump: &[f64]) -> f64 {
@@ -261,8 +277,8 @@ impl ImpactScratch {
                     continue;
                 };
                 let mean = |v: &[f64]| c.along(&self.middle[row], v);
-                let wall = before - self.full.row_velocity(&c, row, &self.v_check);
-                let of_load = wall + mean(&self.v_check) + 0.5 * mean(&self.jump);
+                let of_load =
+                    self.wall_along_middle(row) + mean(&self.v_check) + 0.5 * mean(&self.jump);
                 self.work[slot][kind] += load * of_load;
             }
         }

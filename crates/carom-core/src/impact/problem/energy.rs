@@ -175,7 +175,8 @@ impl ImpactScratch {
                     work.add(before, solved.map(|l| l + earlier), change);
                     let turned = |v: &[f64]| full.along(middle, v) - measure(v);
                     let along = [0, 1].map(|k| change[k] + turned(&changes[k]));
-                    work.add(before + turned(&velocity), [-dropped; 2], along);
+                    let before = full.along(middle, &velocity) + self.wall_along_middle(at);
+                    work.add(before, [-dropped; 2], along);
                 }
                 work
             })

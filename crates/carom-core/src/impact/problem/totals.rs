@@ -17,14 +17,13 @@ impl ImpactScratch {
             for r in 0..c.dim as usize {
                 let (row, sub_row) = (c.row as usize + r, s.row as usize + r);
                 let value = self.lambda[sub_row];
-                let mut before = self.relative::<1>(&c, row, &self.velocity);
                 let along = self.acts_along(row);
-                let after = c.along(along, &self.u);
-                if self.along_middle {
-                    before += c.along(along, &self.velocity)
-                        - self.full.row_velocity(&c, row, &self.velocity);
-                }
-                let after = before + after;
+                let before = if self.along_middle {
+                    c.along(along, &self.velocity) + self.wall_along_middle(row)
+                } else {
+                    self.relative::<1>(&c, row, &self.velocity)
+                };
+                let after = before + c.along(along, &self.u);
                 let given = if self.along_middle {
                     &mut self.load
                 } else {
