@@ -75,7 +75,7 @@ def test_a_ball_in_a_bowl_keeps_its_amplitude(friction: float) -> None:
 @pytest.mark.parametrize("pile_contacts", [1, 1000])
 @pytest.mark.parametrize(("friction", "share"), [(0.0, 1.0), (0.5, 5 / 7)])
 def test_a_ball_runs_through_a_loop(friction: float, share: float, pile_contacts: int) -> None:
-    """Above the axis its weight pulls it off the wall that turns it: no fallback, and the motion of a pendulum that goes round."""
+    """Above the axis its weight pulls it off the wall that turns it: no fallback, and a pendulum that goes round."""
     path, speed, step = 0.25 - BALL["radius"], 5.0, 1e-3
     found = scene(step, 1.0, friction, pile_contacts=pile_contacts)
     found.cylinder("loop", point=(0, 0, 0.25), axis=(0, 1, 0), radius=0.25, inside=True, material="wall")

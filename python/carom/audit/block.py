@@ -108,6 +108,8 @@ class Block:
         """(B, N, 3) what kinks in the law of a periodic box gave bodies after the last step of each interval, m/s. Neither
         `v1` nor `c1` has it: they are what the step left.
         """
+        self.on_record = self.v1, self.c1
+        """These with the kinks."""
         self._leave_out_kinks()
         self.s0, self.s1 = run.step[rows][:-1], run.step[rows][1:]
         self.n = self.s1 - self.s0

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import carried, forces, loads_once
+from carom.audit import carried, forces
 from carom.audit.block import Block
-from carom.audit.vectors import dot, norm
+from carom.audit.vectors import norm
 
 
-def weights(block: Block) -> F64:
-    """(B, N) how far the energy of a body's weight may be off, J, by the way that a periodic box carries it: that is known
-    in a step, and over several up to the changes of the rate between them.
+def carried_off(block: Block) -> F64:
+    """(B, N) how far the energy of a body may be off, J, by what a periodic box that deforms gives it: that of its motion by
+    the velocity, that of its weight by the way. They are known in a step, over several up to changes of the rate between.
     """
     run, of_box = block.run, carried.of_block(block)
     if not run.box.deforms:
@@ -20,29 +20,16 @@ def weights(block: Block) -> F64:
     mass = run.mass.copy()
     mass[run.clumps.balls] = 0.0
     mass[run.clumps.first] = run.clumps.mass
+    moved = mass * np.maximum(norm(block.v0), norm(block.v1)) * of_box.slack
     pull = mass * norm(np.broadcast_to(run.falls, block.x0.shape))
     most = norm(of_box.way) + block.dt[:, None] * norm(of_box.velocity)
     slack = of_box.slack_way + block.dt[:, None] * of_box.slack
-    return np.asarray(pull * (slack + np.where(block.single[:, None], 0.0, most)))
-
-
-def impulses(block: Block) -> F64:
-    """(K,) J by which works of loads that are solved once differ from those on record: these have the velocity of an image
-    with the impulse in the frame of the last normal, the work of the box has it with the impulse itself.
-    """
-    run, c = block.run, block.rows
-    if not (run.box.deforms and len(c) and run.loads_once and run.has_impacts):
-        return np.zeros(len(c))
-    image = block.image(c.k, c.a, c.b)
-    assert image is not None
-    velocity = run.box.velocity(block.t1[c.k], image, end=True)
-    found = dot(c.impulse - loads_once.stated(block)[0], velocity)
-    return np.where(block.single[c.k], found, 0.0)
+    return np.asarray(moved + pull * (slack + np.where(block.single[:, None], 0.0, most)))
 
 
 def unsure(block: Block) -> F64:
     """(K,) J by which works of recorded contacts may be off over several steps: of images and the flow together it is the
-    change of what bodies at a distance of their radii have, and what normals turn by (`impulses`).
+    change of what bodies at a distance of their radii have, and what normals turn by.
     """
     run, c = block.run, block.rows
     if not run.box.deforms or not len(c):

@@ -40,21 +40,17 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
 
 
 def scale(block: Block) -> F64:
-    """(B,) sum of the absolute energies of all bodies at the second frame, J: what roundings are relative to."""
-    v, rows = _recorded(block)
-    return np.asarray(np.nansum(rigid.sizes(block.run, block.x1, v, block.w1, rows), axis=1))
-
-
-def _recorded(block: Block) -> tuple[F64, F64]:
-    """Velocities (B, N, 3), and the motion of clumps, at the second frame as they are on record: after a kink."""
-    rows = block.c1.copy()
-    rows[..., 7:10] += block.kink[:, block.run.clumps.first]
-    return block.v1 + block.kink, rows
+    """(B,) sum of the absolute energies of all bodies at the second frame, J, before a kink or after it: what roundings are
+    relative to.
+    """
+    states = block.on_record, (block.v1, block.c1)
+    sizes = (rigid.sizes(block.run, block.x1, v, block.w1, rows) for v, rows in states)
+    return np.asarray(np.nansum(np.maximum(*sizes), axis=1))
 
 
 def _motion(block: Block) -> F64:
     """(B,) kinetic energy at the second frame, J, of bodies that are there."""
-    v, rows = _recorded(block)
+    v, rows = block.on_record
     return np.asarray(np.nansum(rigid.kinetic(block.run, v, block.w1, rows), axis=1))
 
 
@@ -148,7 +144,8 @@ def _balance(block: Block, tally: Tally) -> None:
     change = motion[1] - motion[0]
     change = change - rigid.weight(run, block.x1 - block.x0, block.c1 - block.c0)
     turned, turned_slack = turning.of_block(block)
-    turned_slack = turned_slack + box_energy.weights(block)
+    of_box = box_energy.carried_off(block)
+    turned_slack = turned_slack + of_box
     change = change - turned
     for load in run.loads:
         if load["kind"] == "spring":
@@ -156,7 +153,6 @@ def _balance(block: Block, tally: Tally) -> None:
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
     work = c.work.sum(axis=1)
     lift = _lifted(run, c, c.position_impulse)
-    lift = lift + box_energy.impulses(block)
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
         gained = run.mass * dot(block.v1 - block.v0, run.falls)
@@ -190,7 +186,8 @@ def _balance(block: Block, tally: Tally) -> None:
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
     bound = summed(_forced(block) + turned_slack, solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top + unsure[:, None]
-    bound[outer] += np.where(block.there, 0.0, turned_slack).sum(axis=1)  # of who leaves
+    # Of who leaves; and the works of the box are in the whole alone.
+    bound[outer] += np.where(block.there, of_box, turned_slack).sum(axis=1)
     # Groups on record may have been solved together, and what that leaves is in the size of all of them.
     squares = (
         np.bincount(c.k, moved**2, minlength=block.count),

@@ -38,8 +38,8 @@ def done(push: F64, slide: F64, moment: F64, lever: F64, before: Rates, after: R
 
 
 def along_mean(run: Run, p: Pairs, impulse: F64, moment: F64, first: F64, motions: list[Motion]) -> F64:
-    """(K, 4) the same of loads that were solved once: half-way between the normals `first` and `p.foot`, of walls with the velocity
-    that they have at the latter.
+    """(K, 4) the same of loads that were solved once: half-way between the normals `first` and `p.foot`, of walls with the
+    velocity that they have at the latter.
     """
     middle, none = unit(first + p.foot), np.zeros_like(impulse)
     still: Motion = (none, none, none, none)
