@@ -24,7 +24,7 @@ def stuck(force: float, *, distance: float = 1e-5, gravity: float = G, **first: 
         scene.contact("ball", other, friction=0.3, restitution=0.0, cohesion=force,
                       rupture_distance=distance)  # fmt: skip
     scene.plane("roof", point=(0, 0, 0), normal=(0, 0, -1), material="roof")
-    scene.sphere("ball", radius=R, mass=M, material="ball", position=(0, 0, -R), **first)
+    scene.sphere("ball", **{"radius": R, "mass": M, "material": "ball", "position": (0, 0, -R), **first})
     return scene
 
 
@@ -67,6 +67,24 @@ def test_tearing_a_ball_off_takes_the_work_of_rupture(distance: float, step: flo
     assert left == pytest.approx((share - 1.0) * work, rel=1e-9)
     energy = np.asarray(result.steps["energy_kinetic"]) + np.asarray(result.steps["energy_potential"])
     assert np.ptp(energy) < 1e-9 * work
+
+
+@pytest.mark.parametrize("gap", [1.0, 1.0 + 1e-15, 1.1, 1.5, 2.7])
+@pytest.mark.parametrize("step", [3e-3, 1e-3, 1e-4])
+def test_a_ball_that_comes_within_the_distance_gains_the_work(gap: float, step: float) -> None:
+    """Whether a step begins at the distance, a rounding beyond it, or spans it."""
+    force, distance = 0.5, 1e-3
+    speed = min(0.5 * distance / step, 1.0)
+    low = -R - distance
+    first = {"position": (0, 0, low - gap * speed * step), "velocity": (0, 0, speed)}
+    scene = stuck(force, distance=distance, gravity=0.0, **first)
+    result = run(scene, 60 * step, step=step)
+    height = np.asarray(result.position)[:, 0, 2]
+    free = np.flatnonzero((height > low) & (height < -R - 0.01 * distance))
+    energy = np.asarray(result.steps["energy_kinetic"]) + np.asarray(result.steps["energy_potential"])
+    assert len(free) > 0
+    assert energy[free - 1] == pytest.approx(np.full(len(free), 0.5 * M * speed**2), rel=1e-12)
+    assert audit.check(result).ok
 
 
 @pytest.mark.parametrize("step", [1e-3, 1e-4, 1e-5])

@@ -34,10 +34,15 @@ impl ContactLaw {
     }
 
     /// The attraction in a step of `h` that begins at a gap with a speed at which it opens, N: the mean on the way that it leaves the pair, which
-    /// ends in touch. What a step tears apart loses the work of rupture. A step too long to tell the way has that of its begin.
+    /// ends in touch. What a step tears apart loses the work of rupture, what comes within the distance gains its part of it. A step too long to tell
+    /// the way has that of its begin.
     fn mean_attraction(&self, gap: f64, opening: f64, inverse_mass: f64, h: f64) -> f64 {
         let (now, d) = (self.attraction(gap), self.rupture_distance);
         let (free, per_force) = (h * opening, 0.5 * h * h * inverse_mass);
+        let change = 0.5 * per_force * self.cohesion / d;
+        if gap >= d {
+            return self.on_the_way_in(gap, -free, change);
+        }
         let work = self.work_of_rupture(gap);
         let left = free * free - 4.0 * per_force * work;
         if opening > 0.0 && left > 0.0 {
@@ -46,12 +51,29 @@ impl ContactLaw {
                 return work / torn;
             }
         }
-        let change = 0.5 * per_force * self.cohesion / d;
         let way = match change < RESOLVED {
             true => (free - per_force * now) / (1.0 - change),
             false => free.min(0.0),
         };
         0.5 * (now + self.attraction(gap + way))
+    }
+
+    /// The same from beyond the distance, which would end nearer by `free` without attraction: `s` beyond, `p` in all, is
+    /// `p = free + k s^2/p` with `k` the change of the way by the attraction over itself.
+    fn on_the_way_in(&self, gap: f64, free: f64, k: f64) -> f64 {
+        let beyond = gap - self.rupture_distance;
+        if free <= beyond {
+            return 0.0;
+        }
+        let way = match k < RESOLVED {
+            true => {
+                let half = 0.5 * free - k * beyond;
+                (half + (half * half + (1.0 - k) * k * beyond * beyond).sqrt()) / (1.0 - k)
+            }
+            false => free,
+        };
+        let way = way.min(gap);
+        self.work_of_rupture(gap - way) / way
     }
 }
 
@@ -109,11 +131,17 @@ fn near(
 pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
     let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     let (h, walls) = (span.h, &scratch.walls);
-    let swept = |x: &DVec3| 2.0 * h * walls.speed_at(*x);
-    let swept = match walls.any_moves() {
-        true => state.position.iter().map(swept).fold(0.0, f64::max),
-        false => 0.0,
+    let moves = walls.any_moves();
+    // How far bodies come towards others at most, but for what the box does to their distance.
+    let nearer = |i: usize| {
+        let x = state.position[i];
+        let of_walls = if moves { h * walls.speed_at(x) } else { 0.0 };
+        walls.periodic.own_way(x, h * state.velocity[i]).length() + of_walls
     };
+    let nearer: Vec<f64> = (0..model.bodies()).map(nearer).collect();
+    let reach = |i: usize| model.radius.get(i).copied().unwrap_or(0.0);
+    let widest = 2.0 * model.radius.iter().copied().fold(0.0, f64::max) + model.cohesive_reach();
+    let swept = 2.0 * nearer.iter().copied().fold(0.0, f64::max) + walls.periodic.change(widest);
     let moreau = model.options.method == Method::MoreauJean;
     let way = if moreau {
         model.options.theta * h
@@ -128,11 +156,14 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
     scratch.walls.periodic.now = now;
     let walls = &scratch.walls;
     for near in found? {
-        let mut c = candidates::contact(model, state, walls, &near)?;
-        let (a, b, law) = (c.a as usize, c.b as usize, c.law(model));
-        if c.gap_start >= law.rupture_distance {
+        let (a, b) = (near.pair.0 as usize, near.pair.1 as usize);
+        let law = &model.laws[near.law as usize];
+        let together = nearer[a] + nearer.get(b).copied().unwrap_or(0.0);
+        let of_box = walls.periodic.change(reach(a) + reach(b) + near.gap);
+        if near.gap >= law.rupture_distance + together + of_box {
             continue;
         }
+        let mut c = candidates::contact(model, state, walls, &near)?;
         // Along the normal of the impulses that answer it: else what turns would turn faster and faster.
         c.n1 = proximity_at(model, walls, &c, &scratch.position).normal;
         let along = match model.options.loads_once() {
@@ -143,6 +174,9 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
         let opening = opening(model, state, walls, &c);
         let gap = apart(model, (c.a, c.b), c.gap_start);
         let force = law.mean_attraction(gap, opening, model.inv_mass[a] + of_b, h);
+        if force == 0.0 {
+            continue;
+        }
         let impulse = -h * force * along;
         pulls.push((c.a, c.b, impulse));
         if (model.record_walls && c.meets_wall(model)) || c.image != IVec3::ZERO {

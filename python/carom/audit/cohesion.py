@@ -3,7 +3,8 @@ section 13).
 
 `F = f (1 - g/d)` at gaps `0 <= g < d`, `f` in touch. In a step that a pair begins at the gap `g`, opening at `u`, it is the
 mean on the way that it leaves the pair, `y = h u - c F`, `c = h^2/2 (1/m_A + 1/m_B)`: with `W` the work of rupture from `g`
-on, `y^2 - h u y + c W = 0` where this tears the pair apart, else `F` at the middle of the way.
+on, `y^2 - h u y + c W = 0` where this tears the pair apart, else `F` at the middle of the way. From beyond `d` it is
+`y^2 - h u y - c W' = 0`, with `W'` that from where it ends.
 """
 
 from __future__ import annotations
@@ -35,6 +36,11 @@ class Cohesive(NamedTuple):
     force: F64
     reach: F64
 
+    def of(self, rows: I64) -> Cohesive:
+        """Some of them."""
+        gap, force, reach = self.gap[rows], self.force[rows], self.reach[rows]
+        return Cohesive(self.k[rows], self.a[rows], self.b[rows], gap, self.normal[rows], force, reach)
+
 
 class Pulls(NamedTuple):
     """Of pairs of whole steps: normals along which they pull, impulses on A (K, 3), N s, and how far off these may be."""
@@ -45,14 +51,18 @@ class Pulls(NamedTuple):
     slack: F64
 
 
-def within(run: Run, time: F64, x: F64) -> Cohesive:
-    """Pairs of frames with times (B,) and places (B, N, 3), which are no numbers where a body is absent."""
-    far = float(np.max(run.model["rupture_distance"]))
+def within(run: Run, time: F64, x: F64, beyond: F64 | None = None) -> Cohesive:
+    """Pairs of frames with times (B,) and places (B, N, 3), which are no numbers where a body is absent; also of gaps as far
+    beyond their distance (B,).
+    """
+    beyond = np.zeros(len(time)) if beyond is None else beyond
+    reaches = beyond + float(np.max(run.model["rupture_distance"]))
     found: list[tuple[I64, I64, I64]] = []
     for k in range(len(time)):
         here = np.flatnonzero(np.isfinite(x[k, : run.balls]).all(axis=1))
         for w in range(len(run.free_walls)):
             found.append((np.full(len(here), k), here, np.full(len(here), run.balls + w)))
+        far = reaches[k]
         if len(here) > 1:
             first, second = neighbours(x[k, here], run.radius[here] + 0.6 * far, run.box.packed(time[k]))
             low, high = (f(here[first], here[second]) for f in (np.minimum, np.maximum))
@@ -72,7 +82,7 @@ def within(run: Run, time: F64, x: F64) -> Cohesive:
     gap, normal = run.meet(time[listed], a, b, x[listed, a], x[listed, np.minimum(b, run.bodies - 1)])
     smaller = np.minimum(run.radius[a], run.length[np.minimum(b, run.bodies)])
     gap = np.where(gap <= run.loosest["touching_tolerance"] * smaller, 0.0, gap)
-    rows = np.flatnonzero((force > 0.0) & (gap < reach) & apart)
+    rows = np.flatnonzero((force > 0.0) & (gap < reach + beyond[listed]) & apart)
     return Cohesive(listed[rows], a[rows], b[rows], gap[rows], normal[rows], force[rows], reach[rows])
 
 
@@ -81,9 +91,10 @@ def attraction(pairs: Cohesive, gap: F64) -> F64:
     return np.asarray(pairs.force * (1.0 - np.clip(gap, 0.0, pairs.reach) / pairs.reach))
 
 
-def rupture(pairs: Cohesive) -> F64:
-    """(K,) J, the work that takes them apart."""
-    return np.asarray(0.5 * pairs.force * (pairs.reach - pairs.gap) ** 2 / pairs.reach)
+def rupture(pairs: Cohesive, gap: F64) -> F64:
+    """(K,) J, the work that takes them apart from other gaps than theirs."""
+    left = pairs.reach - np.clip(gap, 0.0, pairs.reach)
+    return np.asarray(0.5 * pairs.force * left**2 / pairs.reach)
 
 
 def potential(run: Run, time: F64, x: F64) -> tuple[F64, F64]:
@@ -94,23 +105,26 @@ def potential(run: Run, time: F64, x: F64) -> tuple[F64, F64]:
     extent = np.abs(x[pairs.k, pairs.a]).max(axis=1) + run.radius[pairs.a]
     extent = extent + run.box.rounding(time[pairs.k])
     rounding = pairs.force * (16.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[pairs.a])
-    of = [np.bincount(pairs.k, each, minlength=len(time)) for each in (-rupture(pairs), rounding)]
+    of = [np.bincount(pairs.k, each, minlength=len(time)) for each in (-rupture(pairs, pairs.gap), rounding)]
     return np.asarray(of[0]), np.asarray(of[1])
 
 
 @once
 def pulls(block: Block) -> Pulls:
-    """Of the pairs that begin a whole step within their distance."""
+    """Of the pairs that begin a whole step within their distance, or would come within it."""
     run, h = block.run, block.run.h
-    pairs = within(run, block.t0, block.x0)
-    pairs = Cohesive(*(column[block.single[pairs.k]] for column in pairs))
-    k, a, b = pairs.k, pairs.a, np.minimum(pairs.b, run.bodies - 1)
-    motion = (block.v0[k, a], block.w0[k, a], block.v0[k, b], block.w0[k, b])
+    walls = run.top_wall_speeds.max(initial=0.0)
+    nearer = h * (2.0 * np.nan_to_num(carried.own(block)).max(axis=1, initial=0.0) + walls)
+    widest = 2.0 * run.radius.max(initial=0.0) + float(np.max(run.model["rupture_distance"]))
+    pairs = within(run, block.t0, block.x0, nearer + carried.strain(block) * widest)
+    opening = _opening(block, pairs)
+    meet = (pairs.gap < pairs.reach) | (pairs.gap + h * opening < pairs.reach)
+    rows = np.flatnonzero(block.single[pairs.k] & meet)
+    pairs = pairs.of(rows)
+    k, a, opening = pairs.k, pairs.a, opening[rows]
     image = block.image(k, a, pairs.b)
-    at = Pairs(a, pairs.b, block.t0[k], block.x0[k, a], pairs.normal, end=False, image=image)
-    opening = rates(run, at, motion, pairs.normal, pairs.normal).normal
     free, per_force = h * opening, 0.5 * h * h * compliance(run, a, pairs.b)[0]
-    now, work = attraction(pairs, pairs.gap), rupture(pairs)
+    now, work = attraction(pairs, pairs.gap), rupture(pairs, pairs.gap)
     left = free**2 - 4.0 * per_force * work
     torn = 0.5 * (free + np.sqrt(np.maximum(left, 0.0)))
     leaves = (opening > 0.0) & (left > 0.0) & (torn >= pairs.reach - pairs.gap)
@@ -121,12 +135,32 @@ def pulls(block: Block) -> Pulls:
     )
     force = 0.5 * (now + attraction(pairs, pairs.gap + way))
     force = np.where(leaves, work / np.where(leaves, torn, 1.0), force)
+    outside = pairs.gap >= pairs.reach
+    in_way = _way_in(pairs.gap - pairs.reach, -free, np.where(resolved, change, 0.0))
+    in_way = np.where(outside, np.minimum(in_way, pairs.gap), 1.0)
+    force = np.where(outside, rupture(pairs, pairs.gap - in_way) / in_way, force)
     along, turned = _along(block, pairs)
     extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a] + run.box.rounding(block.t0[k])
     extent = extent + h * carried.image_speed(block, k, image)
     unsure = 64.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[a]
     slack = h * pairs.force * (unsure / pairs.reach + turned + 64.0 * EPS * (1.0 + extent / run.radius[a]))
     return Pulls(pairs, along, -(h * force)[:, None] * along, slack)
+
+
+def _opening(block: Block, pairs: Cohesive) -> F64:
+    """(K,) m/s, how fast they open at the first frame."""
+    run, k, a, b = block.run, pairs.k, pairs.a, np.minimum(pairs.b, block.run.bodies - 1)
+    motion = (block.v0[k, a], block.w0[k, a], block.v0[k, b], block.w0[k, b])
+    image = block.image(k, a, pairs.b)
+    at = Pairs(a, pairs.b, block.t0[k], block.x0[k, a], pairs.normal, end=False, image=image)
+    return rates(run, at, motion, pairs.normal, pairs.normal).normal
+
+
+def _way_in(beyond: F64, free: F64, change: F64) -> F64:
+    """(K,) m, how far pairs come nearer that begin so far beyond their distance."""
+    half = 0.5 * free - change * beyond
+    root = np.sqrt(half**2 + (1.0 - change) * change * beyond**2)
+    return np.asarray(np.where(free > beyond, (half + root) / (1.0 - change), beyond))
 
 
 def _along(block: Block, pairs: Cohesive) -> tuple[F64, F64]:
