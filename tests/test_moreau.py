@@ -289,3 +289,14 @@ def test_contacts_and_impacts_are_recorded() -> None:
 def test_theta_out_of_range_is_refused(theta: float) -> None:
     with pytest.raises(carom.ScenarioError, match="theta"):
         ball_above(0.1).with_options(theta=theta)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.4])
+def test_what_is_only_projected_is_no_contact_of_the_velocities(restitution: float) -> None:
+    """A ball that leaves the floor within a step is put on it: the auditor does not miss it among the counted contacts."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("b", "b", friction=0.3, restitution=restitution)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="b")
+    scene.sphere("a", radius=0.01, density=2500, material="b", position=(0, 0, 0.05))
+    result = carom.simulate(scene, step=1e-3, until=0.3, every=1, method="moreau", position_projection=True)
+    assert carom.audit.check(result).ok

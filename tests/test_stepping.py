@@ -68,6 +68,24 @@ def test_a_struck_ball_moves_and_nothing_else_reaches_the_core() -> None:
     assert np.asarray(last.time).tolist() == [sim.time]
 
 
+def test_a_clump_is_struck_whole() -> None:
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("g", "g", friction=0.3, restitution=0.2)
+    scene.clump(
+        "rod", material="g", spheres=[[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]], density=2500, at=(0, 0, 0)
+    )
+    sim = carom.Simulation(scene, step=1e-3)
+    state = sim.state()
+    state["velocity"][2], state["angular_velocity"][2] = (0, 0, 3), (0, 50, 0)
+    sim.restore(state)
+    np.testing.assert_allclose(sim.velocity[:, 2], [3.5, 2.5])
+    sim.step(1)
+    np.testing.assert_allclose(sim.position.mean(axis=0), [0, 0, 3e-3], atol=1e-15)
+    state["velocity"][0] = (0, 0, 1)
+    with pytest.raises(carom.CaromError, match="strike the clump, row 2"):
+        sim.restore(state)
+
+
 def test_a_controller_acts_through_a_load_function() -> None:
     """A spring law with damping, as Python code, brings the ball to its goal."""
     goal = np.array([0.5, 0.0, 0.0])

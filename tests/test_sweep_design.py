@@ -169,6 +169,10 @@ class TestStudy:
         with pytest.raises(CaromError, match=r"set.cue.mass: expected numbers in SI units, found None"):
             carom.Study.of(files / "slide.toml", {"v": [1.0]}, set={"cue.mass": None})  # type: ignore[dict-item]
 
+    def test_a_parameter_of_the_scenario_goes_there_also_where_set_uses_it(self, files: Path) -> None:
+        study = carom.Study.of(files / "slide.toml", {"v": [3.0]}, set={"cue.velocity.y": "= v/4"})
+        assert study.targeting.scene(0).spheres[0].velocity == pytest.approx([3.0, 0.75, 0.0])
+
     def test_a_parameter_that_goes_nowhere_is_refused(self, files: Path) -> None:
         with pytest.raises(CaromError, match=r"parameters.speed goes nowhere: .*slide.toml has no parameter"):
             carom.Study.of(files / "slide.toml", {"speed": [1.0]})

@@ -148,7 +148,7 @@ fn a_saved_state_of_another_model_or_without_numbers_is_refused() {
     let simulation = Simulation::new(model, initial);
     type Damage = fn(&mut State);
     let damages: [(&str, Damage); 7] = [
-        ("position is for 0 spheres", |s| s.position.clear()),
+        ("position is for 0 bodies", |s| s.position.clear()),
         ("joint_reaction is for 1 joints", |s| {
             s.reaction.push(Default::default())
         }),

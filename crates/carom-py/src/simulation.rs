@@ -150,6 +150,7 @@ impl Simulation {
         let mut loaded = read_state(state)?;
         flow::read_state(state, &self.inner.model, &mut loaded)?;
         (loaded.check(&self.inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;
+        loaded.follow_clumps(&self.inner.model);
         let open = read_open(state, bodies as u32)?;
         let integers = arrays::indices(state, "monitor_int")?;
         let floats = arrays::floats(state, "monitor_float")?;

@@ -22,7 +22,7 @@ from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.near import MARGIN, Near
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS
+from carom.audit.vectors import EPS, norm
 
 
 def judge(run: Run, tally: Tally) -> None:
@@ -109,7 +109,9 @@ def of_frames(block: Block, near: Near, tally: Tally) -> None:
     """What the frames show of the step before them."""
     run = block.run
     if run.has_contacts:
-        rows = np.bincount(block.rows.k, minlength=block.count)
+        # What `moreau` projects alone has no part in its problem of velocities, whose contacts are counted.
+        counted = norm(block.rows.impulse) > 0.0 if run.method == "moreau" else np.ones(len(block.rows), bool)
+        rows = np.bincount(block.rows.k[counted], minlength=block.count)
         off = np.maximum(0, rows - run.steps["contacts"][block.s1 - 1].astype(np.int64))
         tally.measure("counts", off, 0.0, block.place, block.single & block.kept)
     _closed(block, near, tally)

@@ -15,6 +15,9 @@ use glam::{DQuat, DVec3};
 /// Share (1) of a way or velocity of a free wall that may be across its normal, and its spin, rad/s: rounding. Larger: energies of what does not turn.
 const ACROSS: f64 = 1e-9;
 
+/// Share (1) of the speed of a clump by which its balls may move otherwise: rounding. Larger: a ball that is struck by itself is ignored.
+const APART: f64 = 1e-9;
+
 /// Which bodies are there before anything has entered.
 fn present_at_start(model: &Model) -> Vec<bool> {
     let mut present = vec![true; model.bodies()];
@@ -80,6 +83,53 @@ impl State {
         model.numbered_clumps().all(whole)
     }
 
+    /// What balls of a clump would have with the motion of body `of`, itself at `from` in the frame of the clump; whether they have it, but for rounding.
+    fn carried(
+        &self,
+        (i, clump): (usize, &Clump),
+        of: usize,
+        from: DVec3,
+    ) -> impl Iterator<Item = (usize, [DVec3; 2], bool)> + '_ {
+        let (q, v, w) = (
+            self.orientation[i],
+            self.velocity[of],
+            self.angular_velocity[of],
+        );
+        let balls: Vec<(usize, DVec3)> = clump.balls.clone().zip(clump.offsets.clone()).collect();
+        balls.into_iter().map(move |(ball, offset)| {
+            let swing = w.cross(q * (offset - from));
+            let speed = v.length() + swing.length();
+            let off = (self.velocity[ball] - v - swing).length() <= APART * speed;
+            let turned = (self.angular_velocity[ball] - w).length() <= APART * w.length();
+            (ball, [v + swing, w], off && turned)
+        })
+    }
+
+    /// A clump of which one ball has been struck by itself.
+    fn parted_clump(&self, model: &Model) -> Option<usize> {
+        let parted = |&(i, clump): &(usize, &Clump)| {
+            let (first, from) = (clump.balls.start, clump.offsets[0]);
+            let together = self.carried((i, clump), first, from).all(|(_, _, is)| is);
+            let with_clump = self
+                .carried((i, clump), i, DVec3::ZERO)
+                .all(|(_, _, is)| is);
+            self.present[i] && !together && !with_clump
+        };
+        model.numbered_clumps().find(parted).map(|(i, _)| i)
+    }
+
+    /// Lets balls follow clumps that have been struck.
+    pub fn follow_clumps(&mut self, model: &Model) {
+        for (i, clump) in model.numbered_clumps() {
+            let motions: Vec<_> = self.carried((i, clump), i, DVec3::ZERO).collect();
+            for (ball, [v, w], is) in motions {
+                if self.present[i] && !is {
+                    (self.velocity[ball], self.angular_velocity[ball]) = (v, w);
+                }
+            }
+        }
+    }
+
     /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
     pub fn check(&self, model: &Model) -> Result<(), ModelError> {
         let refuse = |text: String| Err(ModelError::State(text));
@@ -93,7 +143,9 @@ impl State {
             ("acceleration", self.acceleration.len()),
         ];
         if let Some((name, found)) = lengths.into_iter().find(|l| l.1 != n) {
-            return refuse(format!("{name} is for {found} spheres, the model has {n}"));
+            return refuse(format!(
+                "{name} is for {found} bodies, the model has {n}: balls, clumps, free walls"
+            ));
         }
         if self.reaction.len() != model.joints.len() {
             return refuse(format!(
@@ -112,6 +164,11 @@ impl State {
         }
         if !self.has_whole_clumps(model) {
             return refuse("present has parts of a clump".to_owned());
+        }
+        if let Some(clump) = self.parted_clump(model) {
+            return refuse(format!(
+                "a ball of a clump moves by itself; strike the clump, row {clump} of velocity and angular_velocity"
+            ));
         }
         let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
         let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();

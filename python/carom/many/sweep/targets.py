@@ -54,14 +54,15 @@ class Targets:
         base = Scene.from_toml(_as_text(text), case=case)
         base = base.with_options(**run) if run else base
         used = {name for expression in given.values() for name in _variables(expression, points)}
-        rest = {name: name for name in points if name not in used}
-        for name in rest:
-            if not (name in known or _option(name, options) or _is_array(name)):
+        goes = {name for name in points if name in known or _option(name, options) or _is_array(name)}
+        for name in points:
+            if name not in goes | used:
                 cure = did_you_mean(name, [*known, *(f"run.{key}" for key in sorted(options))])
                 raise CaromError(
                     f"parameters.{name} goes nowhere: {source} has no parameter of this name ({cure}); name it in [set],"
                     f' as "cue.velocity.x" = "= {name}"'
                 )
+        rest = {name: name for name in points if name in goes}
         sorted_: tuple[dict[str, str], ...] = ({}, {}, {})
         for key, expression in {**rest, **given}.items():
             kind = 0 if key in known else 1 if _option(key, options) else 2
