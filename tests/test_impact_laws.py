@@ -575,3 +575,18 @@ def test_a_restitution_law_beside_a_spinning_radius_is_audited(law: dict[str, An
     scene.sphere("a", radius=0.02, mass=0.05, at=(0, 0, 0.1), velocity=(0.9, 0.1, -0.5), material="b")
     report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.2, impact="poisson"))
     assert report.ok, str(report)
+
+
+@pytest.mark.parametrize("method", ["events", "moreau", "nsga"])
+def test_a_perfect_superball_turns_its_slip_round(method: str) -> None:
+    """R. L. Garwin, Am. J. Phys. 37, 88, 1969: e_N = e_T = 1, the energy stays."""
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("b", "b", friction=10, restitution=1, tangential_restitution=1)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="b")
+    scene.sphere("b", radius=0.02, mass=0.1, material="b", position=(0, 0, 0.1), velocity=(1.3, 0.4, -2.0),
+                 angular_velocity=(10, -30, 5))  # fmt: skip
+    run = carom.simulate(scene, until=0.1, step=1e-3, method=method)
+    slip = run.velocity[:, 0] + np.cross(run.angular_velocity[:, 0], [0, 0, -0.02])
+    assert slip[0] == pytest.approx([1.9, 0.6, -2.0])
+    assert slip[-1] == pytest.approx([-1.9, -0.6, 2.0])
+    assert run.summary["energy"]["final"] == pytest.approx(run.summary["energy"]["initial"], rel=1e-12)

@@ -28,7 +28,7 @@ pub struct ContactLaw {
     pub restitution_law: Option<Scalar>,
     /// Stiffness over that of other pairs (1), at equal radii: for impacts through springs.
     pub stiffness: f64,
-    /// Tangential restitution e_T in (-1, 1).
+    /// Tangential restitution e_T in (-1, 1].
     pub tangential_restitution: f64,
     /// Attraction in touch, N, and the gap at which it has fallen to nothing, m.
     pub cohesion: f64,

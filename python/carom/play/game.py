@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.errors import CaromError, quoted
+from carom.errors import CaromError, did_you_mean, quoted
 from carom.measure.events import AtRest
 from carom.numeric import is_finite
 from carom.play.sight import Sight
@@ -19,6 +19,7 @@ from carom.scene.billiards import Shot, Strike, cue_impulse
 from carom.scene.billiards.cue import CUE_MASS
 from carom.scene.billiards.marked import table_in
 from carom.scene.billiards.places import check_place
+from carom.scene.billiards.racks import GAMES
 from carom.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -237,6 +238,8 @@ def set_up(table: str, rack: str, seed: int) -> Scene:
     if rack == "three":
         for name, spot in (("1", "centre spot"), ("2", "foot spot")):
             kit.ball(scene, name, at=spot)
+    elif rack not in GAMES:
+        raise CaromError(f"rack: no game is called {rack!r}; {did_you_mean(rack, ['three', *GAMES])}")
     else:
         kit.rack(scene, order=rack, gap=GAP, jitter=GAP / 5, seed=seed)
     return scene

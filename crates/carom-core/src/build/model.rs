@@ -305,7 +305,7 @@ fn compile_laws(input: &ModelInput) -> Result<LawTable, ModelError> {
             ("rolling_radius", rho, rho >= 0.0, "not be negative"),
             ("spinning_radius", delta, delta >= 0.0, "not be negative"),
             ("restitution", e_n, (0.0..=1.0).contains(&e_n), "lie in [0, 1]"),
-            ("tangential_restitution", e_t, -1.0 < e_t && e_t < 1.0, "lie in (-1, 1)"),
+            ("tangential_restitution", e_t, -1.0 < e_t && e_t <= 1.0, "lie in (-1, 1]"),
             ("stiffness_ratio", stiffness, stiff, "be finite and above 0"),
             ("cohesion", cohesion, attracts, "be finite and not negative"),
             ("rupture_distance", rupture, reaches, "be finite and above 0 where there is cohesion"),

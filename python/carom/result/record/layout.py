@@ -202,7 +202,9 @@ MEANINGS: dict[str, Meaning] = {
     "steps/sweeps_velocity": Meaning(
         "1", "the same at the velocity level, over the problems of the whole pile"
     ),
-    "steps/contacts": Meaning("1", "closed contacts"),
+    "steps/contacts": Meaning(
+        "1", "closed contacts; of `moreau` those of velocities, not what is only projected"
+    ),
     "steps/candidates": Meaning("1", "pairs near enough to be looked at"),
     "steps/islands": Meaning("1", "groups of bodies joined by closed contacts"),
     "steps/largest_island": Meaning("1", "contacts of the largest group"),

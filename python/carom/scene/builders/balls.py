@@ -86,7 +86,7 @@ class Builder:
         """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
 
         `friction` mu >= 0, a number or a law of the slip speed `v`, as "0.01 + 0.1*exp(-v)" or any `{"expression": ...}`;
-        `restitution` e_N in [0, 1], the same of the approach speed; `tangential_restitution` e_T in (-1, 1);
+        `restitution` e_N in [0, 1], the same of the approach speed; `tangential_restitution` e_T in (-1, 1];
         `rolling_radius` rho and `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m;
         `stiffness_ratio` over other pairs of equal radii, for impacts through springs; `cohesion` in touch, N, which falls
         linearly to nothing at the gap `rupture_distance`, m.

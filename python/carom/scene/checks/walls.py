@@ -93,7 +93,7 @@ def check_walls(parts: Parts) -> Iterator[Finding]:
             name = quoted(bodies.names[body])
             if wall.kind == PLANE:
                 cause = f"sphere {name} reaches {depth:.4g} m behind {called(wall)}"
-                if depth > 2 * radius[k]:
+                if depth > radius[k]:  # its centre is behind
                     cure = "move it to the side that the normal points to, or reverse the normal"
                 else:
                     cure = f"move it by {depth:.4g} m along the normal of the plane"

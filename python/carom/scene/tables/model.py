@@ -87,7 +87,7 @@ class World(Table):
     section: ClassVar[str] = "world"
 
     gravity: Annotated[Vec3, Vector("acceleration", most=1e15)] = key(
-        "acceleration of gravity, m/s^2; zeros for none", "m/s^2", examples=[[0.0, 0.0, -9.8]]
+        "acceleration of gravity; zeros for none", "m/s^2", examples=[[0.0, 0.0, -9.8]]
     )
     periodic: Annotated[Vec3, Lengths(bounds=Bounds(ge=0, le=FARTHEST))] | None = key(
         "periods of the world along x, y, z; 0: none along that axis",
@@ -125,8 +125,10 @@ class Contact(Table):
         "normal restitution e_N, from 0 (no rebound) to 1, a number or a law of the approach speed v",
         examples=[0.9],
     )
-    tangential_restitution: Annotated[float, Quantity("number", Bounds(gt=-1, lt=1))] = key(
-        "tangential restitution e_T", default=0.0, examples=[0.0]
+    tangential_restitution: Annotated[float, Quantity("number", Bounds(gt=-1, le=1))] = key(
+        "tangential restitution e_T, above -1 (slip stays) to 1 (slip turns round)",
+        default=0.0,
+        examples=[0.0],
     )
     stiffness_ratio: Annotated[float, Quantity("number", Bounds(gt=0))] = key(
         "stiffness over that of other pairs of equal radii, for impacts through springs", default=1.0
