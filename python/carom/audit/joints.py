@@ -79,7 +79,9 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
         before = block.point(a, arm_a, 0).velocity - block.point(b, arm_b, 0).velocity
         fastest = np.maximum(norm(rate), norm(before))
         turning = swing + fastest / np.maximum(norm(between), 1e-3 * run.radius[a])
-        floor = floor + 4.0 * run.h * turning * speed * (kind != "rotation")
+        # A point that stays is held by arms that turn.
+        swung = spin[:, a] * np.linalg.norm(arm_a) + (spin[:, b] * np.linalg.norm(arm_b) if b >= 0 else 0.0)
+        floor = floor + 4.0 * run.h * turning * (speed + swung) * (kind != "rotation")
     tally.measure("joint speed", np.abs(off), floor + 64.0 * EPS * speed, lambda i: _place(block, i, name))
 
 

@@ -209,12 +209,12 @@ def _filtered(run: Run, forms: tuple[Any, ...]) -> tuple[F64, F64]:
 def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
     """Springs and drag."""
     first, last = (_wrench(block, load, end) for end in (0, 1))
-    jump = _jumps(block, load)
+    jump, rounding = _jumps(block, load), _rounding(block, load)
     several = ~block.single
     for body, (start, end) in {b: (first[b], last[b]) for b in first}.items():
         mean = 0.5 * (start + end) * block.dt[:, None]
         out.impulse[:, body] += mean
-        own = _sizes(end - start) + jump[body] + _kinked(block, load)
+        own = _sizes(end - start) + jump[body] + _kinked(block, load) + rounding
         # What was before a block is not known: the force itself, at its first interval.
         earlier = _echo(block.run, own, _sizes(start[0]) * (block.first > 1))
         slack = 2.0 * (own + earlier) * block.dt[:, None]
@@ -240,16 +240,29 @@ def _kinked(block: Block, load: dict[str, Any]) -> F64:
     return np.stack([force, force * max(float(arm) for _, arm in ends)], axis=1)
 
 
+def _rounding(block: Block, load: dict[str, Any]) -> F64:
+    """(B, 2) of the force and moment of a spring: that of the coordinates of its ends by its stiffness."""
+    if load["kind"] == "drag":
+        return np.zeros((block.count, 2))
+    ends = [_end(block, load, side, end) for side in "ab" for end in (0, 1)]
+    extent = np.sum([norm(end.place) for end in ends], axis=0) + abs(float(load["rest_length"]))
+    arm = max(float(norm(np.asarray(load[f"arm_{side}"], dtype=np.float64))) for side in "ab")
+    return np.asarray(8.0 * EPS * float(load["stiffness"]) * extent[:, None] * [1.0, arm])
+
+
 def _sizes(wrench: F64) -> F64:
     """Lengths of force and moment, (..., 2) of (..., 6)."""
     return np.stack([norm(wrench[..., :3]), norm(wrench[..., 3:])], axis=-1)
 
 
 def _echo(run: Run, own: F64, first: F64) -> F64:
-    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before as `remembered`.
-    `first` (2,) is that of the first.
+    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before as `remembered`,
+    of both ends of a step (eqs. 5a and 6a): what the filter forgets at once is still that of the begin. `first` (2,) is that
+    of the first.
     """
-    return remembered(run, np.concatenate([first[None], own[:-1]]))
+    at_end = remembered(run, np.concatenate([first[None], own[:-1]]))
+    at_begin = np.concatenate([first[None], at_end[:-1]])
+    return at_end + (1.0 - memory(run)) * at_begin
 
 
 def remembered(run: Run, changes: F64) -> F64:
