@@ -210,3 +210,13 @@ def test_a_sequence_that_is_cut_ends_in_a_collective_impact(pile_contacts: int, 
     assert np.diff(kinetic).max() <= 1e-12 * kinetic[0]
     if restitution == 1.0:
         assert kinetic.min() > (1 - 1e-12) * kinetic[0]
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+def test_a_sequence_that_goes_nowhere_ends() -> None:
+    """A light ball that friction of 5 wedges between a cone and a plane: 203 impact problems in one step, 202 of them fallbacks."""
+    result = carom.simulate(carom.Scene.from_toml(SCENES / "wedge.toml"), every=1)
+    assert result.summary["unconverged"] == result.summary["halvings"] == 0
+    assert result.summary["impact_problems"]["max"] < 10
+    assert result.summary["fallbacks"] < 10
+    assert carom.audit.check(result).ok

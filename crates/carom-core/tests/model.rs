@@ -50,7 +50,7 @@ fn what_is_out_of_bounds_is_refused() {
         ("restitution of contact law 0", |m| m.laws[0].2[1] = 1.1),
         ("restitution of contact law 0", |m| m.laws[0].2[1] = -0.1),
         ("tangential_restitution of contact law 0", |m| {
-            m.laws[0].2[2] = 1.0
+            m.laws[0].2[2] = 1.1
         }),
         ("tangential_restitution of contact law 0", |m| {
             m.laws[0].2[2] = -1.0

@@ -178,7 +178,8 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     near_by = (~loose & (gap <= MARGIN * length - noise), loose | (gap <= MARGIN * length + noise))
     least, most = (np.bincount(k[lawful & of], minlength=block.count) for of in near_by)
     told = run.steps["candidates"][block.s1 - 1].astype(np.int64)
-    more = run.steps["relisted"][block.s1 - 1] > 0
+    # What is near of a mesh after the smooth motion need be so at neither frame.
+    more = (run.steps["relisted"][block.s1 - 1] > 0) | bool(run.parts.meshes)
     off = np.maximum(0, np.maximum(least - told, np.where(more, 0, told - most)))
     tally.measure("counts", off, 0.0, block.place, block.single & block.there.all(axis=1))
 

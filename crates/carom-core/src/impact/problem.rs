@@ -220,6 +220,15 @@ impl ImpactScratch {
         }
     }
 
+    /// The fastest that a chosen contact closes at `v_check + jump`, m/s.
+    pub fn closing_of_chosen(&self) -> f64 {
+        let speeds = self
+            .chosen
+            .iter()
+            .map(|&slot| -self.normal_velocity(slot, &self.jump));
+        speeds.fold(0.0, f64::max)
+    }
+
     /// Chooses every contact that closes by more than the tolerance at `v_check + jump`.
     pub fn choose_closing(&mut self) {
         self.chosen.clear();
