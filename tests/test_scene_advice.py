@@ -151,3 +151,21 @@ def test_balls_that_never_touch_in_numbers_make_no_pile() -> None:
         "funnel", point=(0, 0, 0), axis=(0, 0, 1), radius=0.02, radius_end=0.5, length=0.2, material="grain"
     )
     assert told_of_piles(funnel)  # which brings them together
+
+
+def test_options_that_the_method_does_not_read() -> None:
+    [advice] = drop(0.1).with_options(theta=0.7).validate()
+    assert advice.cause == "method nsga does not read it"
+    assert 'method = "moreau"' in advice.cure
+    assert drop(0.1).with_options(theta=0.7, method="moreau").validate() == []
+
+
+@pytest.mark.parametrize(
+    ("law", "told"), [("floor(2*t)", "jumps by 1 m at t = 0.5 s"), ("0.1*sin(20*t)^2", None)]
+)
+def test_a_law_of_a_joint_that_jumps(law: str, told: str | None) -> None:
+    scene = drop(0.1, until=0.8)
+    scene.sphere("racket", radius=0.05, mass=1, at=(1, 0, 1), material="m")
+    scene.joint("motion", body="racket", direction=(1, 0, 0), displacement={"expression": law})
+    found = [advice.cause for advice in scene.validate()]
+    assert (told is not None and any(told in cause for cause in found)) or not found

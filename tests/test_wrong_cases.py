@@ -214,7 +214,7 @@ def test_a_sequence_that_is_cut_ends_in_a_collective_impact(pile_contacts: int, 
 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 def test_a_sequence_that_goes_nowhere_ends() -> None:
-    """A light ball that friction of 5 wedges between a cone and a plane: 203 impact problems in one step, 202 of them fallbacks."""
+    """A light ball that friction of 5 wedges between a cone and a plane: there were 203 problems in a step."""
     result = carom.simulate(carom.Scene.from_toml(SCENES / "wedge.toml"), every=1)
     assert result.summary["unconverged"] == result.summary["halvings"] == 0
     assert result.summary["impact_problems"]["max"] < 20

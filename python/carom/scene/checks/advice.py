@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from carom import _core
 from carom.arrays import F64, Bool
 from carom.errors import quoted
 from carom.scene.assembly.bodies import Bodies
@@ -19,12 +20,13 @@ from carom.scene.checks.energy_gain import advise_gain
 from carom.scene.checks.flow import advise_flow
 from carom.scene.checks.joint_contacts import advise_joint_contacts
 from carom.scene.checks.joint_start import advise_start
-from carom.scene.checks.moving_walls import advise_walls
+from carom.scene.checks.moving_walls import advise_joint_laws, advise_walls
 from carom.scene.checks.piles import advise_piles
 from carom.scene.checks.rules import Whole, steps
 from carom.scene.messages import Finding
 from carom.scene.plan import STEP_BYTES, Plan
 from carom.scene.tables.laws import value_at
+from carom.scene.tables.options import OPTIONS
 from carom.scene.tables.walls import PLANE
 
 WARN_TRAVEL = 0.05
@@ -54,6 +56,7 @@ def advise(parts: Whole) -> Iterator[Finding]:
     if not _has_substeps(parts):
         yield from advise_curved(parts)
         yield from advise_piles(parts)
+    yield from _other_methods(parts)
     yield from _rounded_until(parts)
     yield from _large_results(parts)
     yield from _much_friction(parts)
@@ -66,8 +69,18 @@ def advise(parts: Whole) -> Iterator[Finding]:
     yield from advise_joint_contacts(parts)
     yield from advise_loads(parts)
     yield from advise_walls(parts)
+    yield from advise_joint_laws(parts)
     yield from advise_flow(parts)
     yield from advise_deformation(parts)
+
+
+def _other_methods(parts: Whole) -> Iterator[Finding]:
+    """Options that are set and that the method does not read."""
+    given, usual = parts.run.options(), _core.defaults()
+    for name, option in OPTIONS.items():
+        if option.only and given["method"] != option.only and given[name] != usual[name]:
+            cause = f"method {given['method']} does not read it"
+            yield Finding(("run", name), cause, f"leave it out, or set method = {quoted(option.only)}")
 
 
 def _has_substeps(parts: Whole) -> bool:

@@ -1,4 +1,4 @@
-"""Advice on walls: how they move, and what balls cannot pass."""
+"""Advice on walls: how they move, and what balls cannot pass; and on laws of joints that jump, as those of walls do."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot, norm
 from carom.scene.checks.walls import called
 from carom.scene.messages import Finding
+from carom.scene.tables.joints import Joint
 from carom.scene.tables.laws import LawValue, fault_at, value_at
 
 if TYPE_CHECKING:
@@ -165,6 +166,19 @@ def _advise_jumps(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findin
         )
         yield Finding((wall.section, wall.index, "motion", key), cause, cure)
         return
+
+
+def advise_joint_laws(parts: Whole) -> Iterator[Finding]:
+    """Laws of joints that jump: they carry bodies through others, which no contact sees."""
+    least = JUMP * float(parts.bodies().radius.min())
+    for i, joint in parts.tables(Joint):
+        for key, unit in (("length", "m"), ("displacement", "m"), ("angle", "rad")):
+            law = getattr(joint, key)
+            found = first_jump(law, parts.until, parts.run.step, JUMP if unit == "rad" else least)
+            if found is not None:
+                cause = f"the law jumps by {found[1]:.4g} {unit} at t = {found[0]:.4g} s"
+                cure = "its bodies would pass through others, without a speed: write a ramp over some steps"
+                yield Finding(("joint", i, key), cause, cure)
 
 
 def first_jump(law: LawValue, until: float, step: float, least: float) -> tuple[float, float] | None:

@@ -35,16 +35,16 @@ from carom.units import DIMENSIONS
 
 @dataclass(frozen=True)
 class Option:
-    """One numerical option: meaning, bounds, the dimension if it has a unit, and the methods that alone read it."""
+    """One numerical option: meaning, bounds, the dimension if it has a unit, and the method that alone reads it."""
 
     text: str
     bounds: Bounds = ANY
     dimension: str = "number"
-    only: tuple[str, ...] = ()
+    only: str = ""
 
     @property
     def meaning(self) -> str:
-        return f"{' and '.join(self.only)} only: {self.text}" if self.only else self.text
+        return f"{self.only} only: {self.text}" if self.only else self.text
 
 
 _FRACTION = Bounds(gt=0, lt=1)
@@ -62,9 +62,9 @@ OPTIONS: dict[str, Option] = {
     ),
     "spectral_radius": Option("rho_inf of eq. 7, damping of the highest frequencies", Bounds(ge=0, lt=1)),
     "theta": Option(
-        "weight of the new velocity in the step of the position", Bounds(gt=0, le=1), only=("moreau",)
+        "weight of the new velocity in the step of the position", Bounds(gt=0, le=1), only="moreau"
     ),
-    "position_projection": Option("remove penetration after each step; velocities stay", only=("moreau",)),
+    "position_projection": Option("remove penetration after each step; velocities stay", only="moreau"),
     "tolerance": Option("tol_r of eq. 44, relative residual at which a sub-problem is solved", _FRACTION),
     "pile_tolerance": Option(
         "tol_r in islands of more than dense_contacts contacts",
@@ -72,9 +72,8 @@ OPTIONS: dict[str, Option] = {
     ),
     "impact": Option("law for several impacts at once"),
     "position_friction": Option(
-        "where friction of loads acts. once: loads are solved once, positions are corrected along normals."
-        " paper, as it always is by law sequence-paper: positions have a sub-problem with friction, as printed",
-        only=("nsga", "events"),
+        "where friction of loads acts (nsga only). once: loads are solved once, positions are corrected along normals."
+        " paper, as it always is by law sequence-paper: positions have a sub-problem with friction, as printed"
     ),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
@@ -134,36 +133,32 @@ OPTIONS: dict[str, Option] = {
         Bounds(ge=0, le=20),
     ),
     "penalty_law": Option(
-        "damping of the contact force. exact has the restitution e_N, the others their own", only=("penalty",)
+        "damping of the contact force. exact has the restitution e_N, the others their own", only="penalty"
     ),
-    "penalty_young_modulus": Option("Young's modulus of every body", POSITIVE, "pressure", only=("penalty",)),
-    "penalty_poisson_ratio": Option(
-        "Poisson's ratio of every body", Bounds(gt=-1, le=0.5), only=("penalty",)
-    ),
+    "penalty_young_modulus": Option("Young's modulus of every body", POSITIVE, "pressure", only="penalty"),
+    "penalty_poisson_ratio": Option("Poisson's ratio of every body", Bounds(gt=-1, le=0.5), only="penalty"),
     "penalty_stiffness": Option(
-        "K of every contact (N/m^n) in place of Hertz's; 0 is Hertz's", NOT_NEGATIVE, only=("penalty",)
+        "K of every contact (N/m^n) in place of Hertz's; 0 is Hertz's", NOT_NEGATIVE, only="penalty"
     ),
-    "penalty_exponent": Option("n of the elastic force K d^n", Bounds(ge=1, le=4), only=("penalty",)),
+    "penalty_exponent": Option("n of the elastic force K d^n", Bounds(ge=1, le=4), only="penalty"),
     "penalty_least_restitution": Option(
         "restitution as which laws without a finite damping at e_N = 0 read smaller ones",
         _FRACTION,
-        only=("penalty",),
+        only="penalty",
     ),
-    "penalty_friction": Option(
-        "sliding friction; spring is a tangential spring that slips", only=("penalty",)
-    ),
+    "penalty_friction": Option("sliding friction; spring is a tangential spring that slips", only="penalty"),
     "penalty_slip_speed": Option(
         "slip speed of regularised friction; over the radius that of rolling and spinning",
         POSITIVE,
         "speed",
-        only=("penalty",),
+        only="penalty",
     ),
-    "penalty_resolution": Option("substeps per contact time", Bounds(ge=4, le=100_000), only=("penalty",)),
+    "penalty_resolution": Option("substeps per contact time", Bounds(ge=4, le=100_000), only="penalty"),
     "pressing_step": Option(
         "longest step of nsga, which takes over while bodies press one another",
         POSITIVE,
         "time",
-        only=("events",),
+        only="events",
     ),
     "on_nonconvergence": Option("what to do with a step that could not be solved; warn goes on"),
 }
