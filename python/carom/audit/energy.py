@@ -184,6 +184,9 @@ def _balance(block: Block, tally: Tally) -> None:
     record = np.abs(told[0]) + np.abs(told[1])
     top[outer] = np.maximum.reduce([top.sum(axis=1), record[block.s0], block.over(record[1:])])
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
+    # Joints answer what contacts move, by position impulses of which there is no record.
+    jointed = np.append(run.jointed, False)
+    off = off + np.where(jointed[c.a] | jointed[np.minimum(c.b, run.bodies)], moved, 0.0)
     bound = summed(_forced(block) + turned_slack, solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top + unsure[:, None]
     # Of who leaves; and the works of the box are in the whole alone.
