@@ -138,7 +138,10 @@ def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
         inert = np.stack([run.mass[bodies], run.inertia[bodies]], axis=1)
         given = (np.repeat(inert, 3, axis=1) * off[mine]).reshape(len(single), -1)
         off[mine] = np.einsum("aij,aj->ai", answer, given).reshape(len(single), -1, 6)
-        rate = np.max([swing(block, joint, end)[1] for joint in joints for end in (0, 1)], axis=0)
+        # Also by what contacts move the bodies at the position level.
+        pushed = forces.of_contacts(block).shift_size[:, bodies] / np.sqrt(run.mass[bodies])
+        fast = pushed.max(axis=1) / run.h if run.has_contacts else 0.0
+        rate = np.max([swing(block, joint, end, fast)[1] for joint in joints for end in (0, 1)], axis=0)
         turned = np.where(block.single, np.minimum(1.0, 4.0 * run.h * rate), 1.0)[:, None, None]
         # What was before a block may have had any direction.
         earlier = held[:1, bodies] * (block.first > 1)
