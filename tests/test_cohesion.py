@@ -69,6 +69,15 @@ def test_tearing_a_ball_off_takes_the_work_of_rupture(distance: float, step: flo
     assert np.ptp(energy) < 1e-9 * work
 
 
+def test_a_scene_that_begins_without_balls_is_judged() -> None:
+    scene = carom.Scene(gravity=(0, 0, -G))
+    scene.contact("a", "a", friction=0.3, restitution=0.2, cohesion=1e-3, rupture_distance=1e-4)
+    region = {"low": (0, 0, 0.2), "high": (0.1, 0.1, 0.3)}
+    scene.inflow("in", material="a", region=region, rate=100, radius=R, density=2500, count=3, seed=1)
+    result = run(scene, 0.05)
+    assert audit.check(result)["momentum"].judged > 0
+
+
 @pytest.mark.parametrize("gap", [1.0, 1.0 + 1e-15, 1.1, 1.5, 2.7])
 @pytest.mark.parametrize("step", [3e-3, 1e-3, 1e-4])
 def test_a_ball_that_comes_within_the_distance_gains_the_work(gap: float, step: float) -> None:
@@ -85,6 +94,21 @@ def test_a_ball_that_comes_within_the_distance_gains_the_work(gap: float, step: 
     assert len(free) > 0
     assert energy[free - 1] == pytest.approx(np.full(len(free), 0.5 * M * speed**2), rel=1e-12)
     assert audit.check(result).ok
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("speed", [0.1, 1.0])
+def test_a_pair_that_passes_beyond_the_distance_keeps_its_energy(speed: float, method: str) -> None:
+    """It is never nearer than 1.5 d, but the line of its motion at the begin of a step is."""
+    distance = 1e-5
+    for start in np.linspace(-3.5e-3, -2.5e-3, 11):
+        scene = carom.Scene(gravity=(0, 0, 0))
+        scene.contact("a", "a", friction=0.0, restitution=1.0, cohesion=0.5, rupture_distance=distance)
+        scene.sphere("a", radius=R, mass=M, material="a", position=(0, 0, 0))
+        scene.sphere("b", radius=R, mass=M, material="a", position=(start, 2 * R + 1.5 * distance, 0),
+                     velocity=(speed, 0, 0))  # fmt: skip
+        result = run(scene, 8e-3, method=method)
+        assert np.abs(np.asarray(result.velocity)[-1, 0]).max() == 0.0
 
 
 @pytest.mark.parametrize("step", [1e-3, 1e-4, 1e-5])

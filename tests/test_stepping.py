@@ -81,9 +81,27 @@ def test_a_clump_is_struck_whole() -> None:
     np.testing.assert_allclose(sim.velocity[:, 2], [3.5, 2.5])
     sim.step(1)
     np.testing.assert_allclose(sim.position.mean(axis=0), [0, 0, 3e-3], atol=1e-15)
-    state["velocity"][0] = (0, 0, 1)
-    with pytest.raises(carom.CaromError, match="strike the clump, row 2"):
+    for balls in ([0], [0, 1]):
+        state = sim.state()
+        state["velocity"][balls] = (0, 0, 1)
+        with pytest.raises(carom.CaromError, match="strike the clump, row 2"):
+            sim.restore(state)
+
+
+def test_states_of_clumps_at_rest_are_taken_back_as_they_are() -> None:
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("g", "g", friction=0.5, restitution=0.2)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="g")
+    parts = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.008], [0, 0.01, 0, 0.01]]
+    scene.clump("rod", material="g", spheres=parts, density=2500, at=(0, 0, 0.03), velocity=(0.1, 0, 0))
+    sim = carom.Simulation(scene, step=1e-3)
+    for _ in range(60):
+        sim.step(10)
+        state = sim.state()
         sim.restore(state)
+        again = sim.state()
+        for name in ("position", "velocity", "angular_velocity"):
+            np.testing.assert_array_equal(state[name], again[name])
 
 
 def test_a_controller_acts_through_a_load_function() -> None:

@@ -34,14 +34,20 @@ impl ContactLaw {
     }
 
     /// The attraction in a step of `h` that begins at a gap with a speed at which it opens, N: the mean on the way that it leaves the pair, which
-    /// ends in touch. What a step tears apart loses the work of rupture, what comes within the distance gains its part of it. A step too long to tell
-    /// the way has that of its begin.
-    fn mean_attraction(&self, gap: f64, opening: f64, inverse_mass: f64, h: f64) -> f64 {
+    /// ends in touch. What a step tears apart loses the work of rupture, what comes within the distance (with the gap `end` if nothing attracted it)
+    /// gains its part of it. A step too long to tell the way has that of its begin.
+    fn mean_attraction(
+        &self,
+        [gap, end]: [f64; 2],
+        opening: f64,
+        inverse_mass: f64,
+        h: f64,
+    ) -> f64 {
         let (now, d) = (self.attraction(gap), self.rupture_distance);
         let (free, per_force) = (h * opening, 0.5 * h * h * inverse_mass);
         let change = 0.5 * per_force * self.cohesion / d;
         if gap >= d {
-            return self.on_the_way_in(gap, -free, change);
+            return self.on_the_way_in(gap, gap - end, change);
         }
         let work = self.work_of_rupture(gap);
         let left = free * free - 4.0 * per_force * work;
@@ -136,7 +142,9 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
     let nearer = |i: usize| {
         let x = state.position[i];
         let of_walls = if moves { h * walls.speed_at(x) } else { 0.0 };
-        walls.periodic.own_way(x, h * state.velocity[i]).length() + of_walls
+        let ways = [h * state.velocity[i], scratch.linear[i].displacement];
+        let ways = ways.map(|way| walls.periodic.own_way(x, way).length());
+        ways[0].max(ways[1]) + of_walls
     };
     let nearer: Vec<f64> = (0..model.bodies()).map(nearer).collect();
     let reach = |i: usize| model.radius.get(i).copied().unwrap_or(0.0);
@@ -165,7 +173,8 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
         }
         let mut c = candidates::contact(model, state, walls, &near)?;
         // Along the normal of the impulses that answer it: else what turns would turn faster and faster.
-        c.n1 = proximity_at(model, walls, &c, &scratch.position).normal;
+        let there = proximity_at(model, walls, &c, &scratch.position);
+        c.n1 = there.normal;
         let along = match model.options.loads_once() {
             true => c.middle_normal(),
             false => c.n1,
@@ -173,7 +182,12 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
         let of_b = model.inv_mass.get(b).copied().unwrap_or(0.0);
         let opening = opening(model, state, walls, &c);
         let gap = apart(model, (c.a, c.b), c.gap_start);
-        let force = law.mean_attraction(gap, opening, model.inv_mass[a] + of_b, h);
+        // Of Moreau-Jean rebounds leave the distance within the step that they are in, and pay nothing: what comes in gains nothing either.
+        let end = match moreau {
+            true => c.gap_start,
+            false => there.gap,
+        };
+        let force = law.mean_attraction([gap, end], opening, model.inv_mass[a] + of_b, h);
         if force == 0.0 {
             continue;
         }

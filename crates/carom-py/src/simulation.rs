@@ -150,6 +150,11 @@ impl Simulation {
         let mut loaded = read_state(state)?;
         flow::read_state(state, &self.inner.model, &mut loaded)?;
         (loaded.check(&self.inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;
+        if let Some(clump) = loaded.struck_in_parts(&self.inner.model, &self.inner.state) {
+            return Err(ModelError::new_err(format!(
+                "state: balls of a clump do not move as it does; strike the clump, row {clump} of velocity and angular_velocity"
+            )));
+        }
         loaded.follow_clumps(&self.inner.model);
         let open = read_open(state, bodies as u32)?;
         let integers = arrays::indices(state, "monitor_int")?;

@@ -18,7 +18,7 @@ use crate::ladder::{Attempt, IslandWay, IslandWhen, COARSE_TOLERANCE, ISLAND};
 use crate::linear_step::{Iterate, LinearStep};
 use crate::newton::{Augmented, Equations, Rule, Steps};
 use crate::report::SolveReport;
-use crate::rows::{RowContact, RowSystem, Subproblem, NODE_DOF};
+use crate::rows::{RowContact, RowSystem, Subproblem, NODE_DOF, WORLD};
 use crate::solver::SPLIT_CONTACTS;
 use hybrid::Hybrid;
 use swept::RowSweeps;
@@ -86,6 +86,9 @@ const NEAR: f64 = 1e-2;
 /// By how much (1) penalties of both rows of a disc differ that are not those of spheres, where rounding alone makes them differ. Both rows then have
 /// one penalty: with two, what slides is not slowed against its slip.
 const UNEVEN: f64 = 1e-9;
+/// Roundings of the impulses on a node (1) by which its velocity may be off. With 0 a light ball that heavy ones squeeze is never solved to a fine
+/// tolerance; large, it is moved by what it is squeezed by.
+const MISSED_ROUNDINGS: f64 = 64.0;
 /// Roundings of a coordinate (1) by which a closed gap may miss its tolerance. A rack of touching spheres has gaps that are
 /// rounding and contradict one another: with 0 no method solves them where steps are short; large, joints drift.
 const GAP_ROUNDINGS: f64 = 16.0;
@@ -102,6 +105,8 @@ pub struct Newton {
     linear: LinearStep,
     hybrid: Hybrid,
     row_sweeps: RowSweeps,
+    /// What impulses of each node round off its velocity, m/s.
+    rounding: Vec<f64>,
     /// Norm of the residual where the last run of iterations began.
     began: f64,
     /// Relative residual (eq. 44) at each iterate of the last solve, all rungs in order.
@@ -376,29 +381,47 @@ impl Newton {
         }
     }
 
-    /// Whether rows of impulses, and velocities of nodes, are those of the projected impulses, each by itself. (Norms of all impulses tell nothing of
-    /// what is light.)
-    fn none_misses(&self, system: &RowSystem, options: &NewtonOptions, u: &[f64]) -> bool {
+    /// Whether rows of impulses, and velocities of nodes, are those of the projected impulses, each by itself, but for the rounding of what presses it.
+    /// (Norms of all impulses tell nothing of what is light.)
+    fn none_misses(&mut self, system: &RowSystem, options: &NewtonOptions, u: &[f64]) -> bool {
         if options.missed.is_infinite() {
             return true;
         }
+        self.rounding.clear();
+        self.rounding.resize(system.nodes(), 0.0);
+        let length = |node: usize| system.node_length[node];
+        for c in &system.contacts {
+            let (forces, moments) = self.at.phi[c.rows()].split_at(c.translational as usize);
+            let sum = |part: &[f64]| part.iter().map(|phi| phi.abs()).sum::<f64>();
+            let size = sum(forces) + sum(moments) / c.length;
+            for node in [c.node_a, c.node_b]
+                .into_iter()
+                .filter(|&node| node != WORLD)
+            {
+                let node = node as usize;
+                let inverse =
+                    system.inv_mass[node] + length(node).powi(2) * system.inv_inertia[node];
+                self.rounding[node] += MISSED_ROUNDINGS * f64::EPSILON * inverse * size;
+            }
+        }
         let rows = system.contacts.iter().all(|c| {
+            let of = |node: u32| self.rounding.get(node as usize).copied().unwrap_or(0.0);
+            let most = options.missed + of(c.node_a) + of(c.node_b);
             let translational = (c.row + c.translational) as usize;
             c.rows().all(|row| {
                 let lever = if row < translational { 1.0 } else { c.length };
-                self.at.residual[row].abs() * lever <= options.missed * self.at.penalty[row]
+                self.at.residual[row].abs() * lever <= most * self.at.penalty[row]
             })
         });
         rows && (0..system.nodes()).all(|node| {
-            let length = system.node_length[node];
             let inverse = [
                 (1.0, system.inv_mass[node]),
-                (length, system.inv_inertia[node]),
+                (length(node), system.inv_inertia[node]),
             ];
             (0..NODE_DOF).all(|k| {
-                let (lever, inverse) = inverse[k / 3];
-                let at = NODE_DOF * node + k;
-                (u[at] - inverse * self.force[at]).abs() * lever <= options.missed
+                let ((lever, inverse), at) = (inverse[k / 3], NODE_DOF * node + k);
+                let off = (u[at] - inverse * self.force[at]).abs() * lever;
+                off <= options.missed + self.rounding[node]
             })
         })
     }

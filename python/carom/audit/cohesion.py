@@ -57,7 +57,7 @@ def within(run: Run, time: F64, x: F64, beyond: F64 | None = None) -> Cohesive:
     """
     beyond = np.zeros(len(time)) if beyond is None else beyond
     reaches = beyond + float(np.max(run.model["rupture_distance"]))
-    found: list[tuple[I64, I64, I64]] = []
+    found: list[tuple[I64, I64, I64]] = [(np.zeros(0, np.int64),) * 3]
     for k in range(len(time)):
         here = np.flatnonzero(np.isfinite(x[k, : run.balls]).all(axis=1))
         for w in range(len(run.free_walls)):
@@ -74,7 +74,7 @@ def within(run: Run, time: F64, x: F64, beyond: F64 | None = None) -> Cohesive:
                 local = wall.local(np.full(len(here), time[k]), x[k, here])
                 row, part = run.parts.near(w, local, run.radius[here] + far)
                 found.append((np.full(len(row), k), here[row], run.bodies + part))
-    listed, a, b = (np.concatenate([np.zeros(0, np.int64), *part]) for part in zip(*found, strict=True))
+    listed, a, b = (np.concatenate(part) for part in zip(*found, strict=True))
     ball = b < run.bodies
     apart = ~(run.held_apart.holds(a, np.minimum(b, run.bodies - 1)) & ball)
     law = run.law_index(a, b)
@@ -116,12 +116,14 @@ def pulls(block: Block) -> Pulls:
     walls = run.top_wall_speeds.max(initial=0.0)
     nearer = h * (2.0 * np.nan_to_num(carried.own(block)).max(axis=1, initial=0.0) + walls)
     widest = 2.0 * run.radius.max(initial=0.0) + float(np.max(run.model["rupture_distance"]))
-    pairs = within(run, block.t0, block.x0, nearer + carried.strain(block) * widest)
+    nearer = nearer + h * h * norm(run.gravity) + carried.strain(block) * widest
+    pairs = within(run, block.t0, block.x0, nearer)
     opening = _opening(block, pairs)
-    meet = (pairs.gap < pairs.reach) | (pairs.gap + h * opening < pairs.reach)
-    rows = np.flatnonzero(block.single[pairs.k] & meet)
-    pairs = pairs.of(rows)
-    k, a, opening = pairs.k, pairs.a, opening[rows]
+    along, end, off = _smooth(block, pairs)
+    near = np.minimum(pairs.gap, end - off) < pairs.reach * (1.0 + 1e-9)
+    rows = np.flatnonzero(block.single[pairs.k] & near)
+    pairs, along = pairs.of(rows), along[rows]
+    k, a, opening, end, off = pairs.k, pairs.a, opening[rows], end[rows], off[rows]
     image = block.image(k, a, pairs.b)
     free, per_force = h * opening, 0.5 * h * h * compliance(run, a, pairs.b)[0]
     now, work = attraction(pairs, pairs.gap), rupture(pairs, pairs.gap)
@@ -136,13 +138,17 @@ def pulls(block: Block) -> Pulls:
     force = 0.5 * (now + attraction(pairs, pairs.gap + way))
     force = np.where(leaves, work / np.where(leaves, torn, 1.0), force)
     outside = pairs.gap >= pairs.reach
-    in_way = _way_in(pairs.gap - pairs.reach, -free, np.where(resolved, change, 0.0))
+    in_way = _way_in(pairs.gap - pairs.reach, pairs.gap - end, np.where(resolved, change, 0.0))
     in_way = np.where(outside, np.minimum(in_way, pairs.gap), 1.0)
     force = np.where(outside, rupture(pairs, pairs.gap - in_way) / in_way, force)
-    along, turned = _along(block, pairs)
+    turned = np.minimum(1.0, off / run.radius[a])
     extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a] + run.box.rounding(block.t0[k])
     extent = extent + h * carried.image_speed(block, k, image)
     unsure = 64.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[a]
+    unsure = unsure + np.where(outside, off, 0.0)
+    # Where nothing comes in, a rounding tells whether all of it acts.
+    edge = (run.method == "moreau") & (np.abs(pairs.gap - pairs.reach) <= unsure)
+    unsure = np.where(edge, pairs.reach, unsure)
     slack = h * pairs.force * (unsure / pairs.reach + turned + 64.0 * EPS * (1.0 + extent / run.radius[a]))
     return Pulls(pairs, along, -(h * force)[:, None] * along, slack)
 
@@ -163,23 +169,25 @@ def _way_in(beyond: F64, free: F64, change: F64) -> F64:
     return np.asarray(np.where(free > beyond, (half + root) / (1.0 - change), beyond))
 
 
-def _along(block: Block, pairs: Cohesive) -> tuple[F64, F64]:
-    """(K, 3) normals along which they pull, of the middle of the step, and by how much these may be turned, rad."""
+def _smooth(block: Block, pairs: Cohesive) -> tuple[F64, F64, F64]:
+    """(K, 3) normals along which they pull, of the middle of the step, (K,) gaps at the end of it without attraction, and by
+    how much bodies may be elsewhere then, m. Of Moreau-Jean nothing comes in: gaps are those of the begin.
+    """
     run, h = block.run, block.run.h
     k, a, b = pairs.k, pairs.a, np.minimum(pairs.b, run.bodies - 1)
     if run.method == "moreau":
         x = block.x0 + 0.5 * h * block.v0
-        return run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])[1], np.zeros(len(k))
+        _, normal = run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])
+        return normal, pairs.gap, np.zeros(len(k))
     x = block.x0 + h * block.v0 + 0.5 * h * h * run.falls + carried.of_block(block).way
-    last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])[1]
+    end, last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])
     one = run.jointed[a] | (run.jointed[b] & (pairs.b < run.bodies))
     middle = np.where(one[:, None] | (not run.loads_once), last, unit(pairs.normal + last))
     if len(run.loads) == 1 and not run.joints:
-        return middle, np.zeros(len(k))
+        return middle, end, np.zeros(len(k))
     # Other loads and joints move the bodies, too.
     off = np.nan_to_num(norm(block.x1 - x))
-    off = off[k, a] + np.where(pairs.b < run.bodies, off[k, b], 0.0)
-    return middle, np.minimum(1.0, off / run.radius[a])
+    return middle, end, off[k, a] + np.where(pairs.b < run.bodies, off[k, b], 0.0)
 
 
 @once

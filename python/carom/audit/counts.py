@@ -24,6 +24,9 @@ from carom.audit.near import MARGIN, Near
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, norm
 
+PARTS = 8
+"""Parts of a mesh that a ball meets at most beside those of the frames."""
+
 
 def judge(run: Run, tally: Tally) -> None:
     """What concerns the steps alone."""
@@ -178,8 +181,11 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     near_by = (~loose & (gap <= MARGIN * length - noise), loose | (gap <= MARGIN * length + noise))
     least, most = (np.bincount(k[lawful & of], minlength=block.count) for of in near_by)
     told = run.steps["candidates"][block.s1 - 1].astype(np.int64)
-    # What is near of a mesh after the smooth motion need be so at neither frame.
-    more = (run.steps["relisted"][block.s1 - 1] > 0) | bool(run.parts.meshes)
+    more = run.steps["relisted"][block.s1 - 1] > 0
+    if run.parts.meshes:  # a ball may meet other parts of a mesh after the smooth motion than at either frame
+        of_mesh = np.flatnonzero(b >= run.bodies)
+        balls = np.unique(k[of_mesh] * n + a[of_mesh]) // n
+        most = most + PARTS * np.bincount(balls, minlength=block.count)
     off = np.maximum(0, np.maximum(least - told, np.where(more, 0, told - most)))
     tally.measure("counts", off, 0.0, block.place, block.single & block.there.all(axis=1))
 

@@ -18,6 +18,9 @@ const ACROSS: f64 = 1e-9;
 /// Share (1) of the speed of a clump by which its balls may move otherwise: rounding. Larger: a ball that is struck by itself is ignored.
 const APART: f64 = 1e-9;
 
+/// Speed over r/h (1) below which that share is of this: rounding of what rests. Larger: slow strikes are ignored.
+const AT_REST: f64 = 1e-3;
+
 /// Which bodies are there before anything has entered.
 fn present_at_start(model: &Model) -> Vec<bool> {
     let mut present = vec![true; model.bodies()];
@@ -86,6 +89,7 @@ impl State {
     /// What balls of a clump would have with the motion of body `of`, itself at `from` in the frame of the clump; whether they have it, but for rounding.
     fn carried(
         &self,
+        model: &Model,
         (i, clump): (usize, &Clump),
         of: usize,
         from: DVec3,
@@ -95,25 +99,33 @@ impl State {
             self.velocity[of],
             self.angular_velocity[of],
         );
-        let balls: Vec<(usize, DVec3)> = clump.balls.clone().zip(clump.offsets.clone()).collect();
-        balls.into_iter().map(move |(ball, offset)| {
+        let still = AT_REST / model.options.step;
+        let balls = clump.balls.clone().zip(clump.offsets.clone());
+        let balls: Vec<_> = balls
+            .map(|(k, offset)| (k, offset, model.radius[k]))
+            .collect();
+        balls.into_iter().map(move |(ball, offset, radius)| {
             let swing = w.cross(q * (offset - from));
-            let speed = v.length() + swing.length();
+            let speed = v.length() + swing.length() + still * radius;
             let off = (self.velocity[ball] - v - swing).length() <= APART * speed;
-            let turned = (self.angular_velocity[ball] - w).length() <= APART * w.length();
+            let turned = (self.angular_velocity[ball] - w).length() <= APART * (w.length() + still);
             (ball, [v + swing, w], off && turned)
         })
     }
 
-    /// A clump of which one ball has been struck by itself.
-    fn parted_clump(&self, model: &Model) -> Option<usize> {
+    /// A clump whose balls have been struck, and not it: they do not move together, or it moves as in the state `before` and they do not.
+    pub fn struck_in_parts(&self, model: &Model, before: &State) -> Option<usize> {
         let parted = |&(i, clump): &(usize, &Clump)| {
             let (first, from) = (clump.balls.start, clump.offsets[0]);
-            let together = self.carried((i, clump), first, from).all(|(_, _, is)| is);
-            let with_clump = self
-                .carried((i, clump), i, DVec3::ZERO)
+            let together = self
+                .carried(model, (i, clump), first, from)
                 .all(|(_, _, is)| is);
-            self.present[i] && !together && !with_clump
+            let with_clump = self
+                .carried(model, (i, clump), i, DVec3::ZERO)
+                .all(|(_, _, is)| is);
+            let stays = self.velocity[i] == before.velocity[i]
+                && self.angular_velocity[i] == before.angular_velocity[i];
+            self.present[i] && !with_clump && (stays || !together)
         };
         model.numbered_clumps().find(parted).map(|(i, _)| i)
     }
@@ -121,7 +133,7 @@ impl State {
     /// Lets balls follow clumps that have been struck.
     pub fn follow_clumps(&mut self, model: &Model) {
         for (i, clump) in model.numbered_clumps() {
-            let motions: Vec<_> = self.carried((i, clump), i, DVec3::ZERO).collect();
+            let motions: Vec<_> = self.carried(model, (i, clump), i, DVec3::ZERO).collect();
             for (ball, [v, w], is) in motions {
                 if self.present[i] && !is {
                     (self.velocity[ball], self.angular_velocity[ball]) = (v, w);
@@ -164,11 +176,6 @@ impl State {
         }
         if !self.has_whole_clumps(model) {
             return refuse("present has parts of a clump".to_owned());
-        }
-        if let Some(clump) = self.parted_clump(model) {
-            return refuse(format!(
-                "a ball of a clump moves by itself; strike the clump, row {clump} of velocity and angular_velocity"
-            ));
         }
         let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
         let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();
