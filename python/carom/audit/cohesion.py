@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carom.arrays import F64, I64
+from carom.arrays import F64, I64, Bool
 from carom.audit import carried
 from carom.audit.block import Block, once
 from carom.audit.data import Run
@@ -121,7 +121,7 @@ def pulls(block: Block) -> Pulls:
     opening = _opening(block, pairs)
     along, end, off = _smooth(block, pairs)
     near = np.minimum(pairs.gap, end - off) < pairs.reach * (1.0 + 1e-9)
-    rows = np.flatnonzero(block.single[pairs.k] & near)
+    rows = np.flatnonzero(block.single[pairs.k] & near & ~_gone(block, pairs))
     pairs, along = pairs.of(rows), along[rows]
     k, a, opening, end, off = pairs.k, pairs.a, opening[rows], end[rows], off[rows]
     image = block.image(k, a, pairs.b)
@@ -151,6 +151,18 @@ def pulls(block: Block) -> Pulls:
     unsure = np.where(edge, pairs.reach, unsure)
     slack = h * pairs.force * (unsure / pairs.reach + turned + 64.0 * EPS * (1.0 + extent / run.radius[a]))
     return Pulls(pairs, along, -(h * force)[:, None] * along, slack)
+
+
+def _gone(block: Block, pairs: Cohesive) -> Bool:
+    """(K,) pairs with a wall that is not there any more in the step."""
+    run, found = block.run, np.zeros(len(pairs.k), dtype=bool)
+    on_wall = np.flatnonzero(pairs.b >= run.bodies)
+    of = run.given(pairs.b[on_wall]) - run.bodies
+    time = block.t0[pairs.k[on_wall]] + 0.5 * run.h
+    for w in np.unique(of).tolist():
+        mine = of == w
+        found[on_wall[mine]] = ~run.walls[w].there(time[mine])
+    return found
 
 
 def _opening(block: Block, pairs: Cohesive) -> F64:

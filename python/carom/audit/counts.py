@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array, connected
-from carom.audit import carried, flights, flows, rigid
+from carom.audit import carried, cohesion, flights, flows, rigid
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.near import MARGIN, Near
@@ -227,6 +227,10 @@ def _entered(block: Block, tally: Tally) -> None:
     found, size = np.zeros(block.count), np.zeros(block.count)
     np.add.at(found, k, motion - height)
     np.add.at(size, k, motion + np.abs(height))
+    without = block.x1.copy()
+    without[k, body] = np.nan
+    whole, less = (cohesion.potential(run, block.t1, x) for x in (block.x1, without))
+    found, size = found + whole[0] - less[0], size + np.abs(whole[0]) + np.abs(less[0])
     value = np.abs(found - run.steps["energy_in"][block.s1 - 1])
     here = np.isin(np.arange(block.count), k)
-    tally.measure("energy record", value, 64.0 * EPS * size, block.place, here)
+    tally.measure("energy record", value, 64.0 * EPS * size + whole[1] + less[1], block.place, here)

@@ -210,7 +210,13 @@ def _balance(block: Block, tally: Tally) -> None:
     judged = root & busy & (block.kept & ~(block.cut & (run.method == "moreau")))[:, None]
     if run.cohesive:
         block.skip(tally, "energy balance", "cohesion: " + PARTS, np.flatnonzero(~block.single))
-        judged &= block.single[:, None]
+        # Where a ball was that leaves is on no record, nor what attracted it last.
+        passing = block.passing.any(axis=1)
+        why = "cohesion: balls come or go in the step"
+        tally.skip(
+            "energy balance", why, "nothing: their energies are judged as they come", int(passing.sum())
+        )
+        judged &= (block.single & ~passing)[:, None]
     k, first = np.nonzero(judged)
 
     def place(i: int) -> Place:
@@ -377,6 +383,9 @@ def rises(run: Run, tally: Tally) -> None:
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
+        # Of a wall that goes away nothing is torn off.
+        gone = sum(~wall.there(s["time"] - 0.5 * h) & wall.there(s["time"] - 1.5 * h) for wall in run.walls)
+        bound = bound + gone * run.balls * 0.5 * strongest * float(np.max(run.model["rupture_distance"]))
     tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
 
 
