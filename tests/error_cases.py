@@ -440,7 +440,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             PLANE
             + 'motion = { rotation = { axis = [0,0,1], angle = { expression = "0.01*(1+sign(t-0.5))" } } }\n',
         ),
+        ("displacement", MOTION + 'displacement = { expression = "0.001*floor(t/0.3)" }\n'),
     ],
+    "method ... does not read it": [("run.theta", "step = 1e-3 -> step = 1e-3\ntheta = 0.7")],
     "a step of ... s moves ... by ... radii of the smallest ball": [
         (
             "motion",

@@ -240,8 +240,8 @@ MISTAKES = {
     ),
     "tangential restitution": (
         "restitution = 0.5",
-        "restitution = 0.5\ntangential_restitution = 1",
-        "greater than -1 and less than 1",
+        "restitution = 0.5\ntangential_restitution = 1.1",
+        "greater than -1 and at most 1",
     ),
     "rolling radius": (
         "restitution = 0.5",

@@ -125,9 +125,9 @@ def test_sweeps_and_newtons_method_agree() -> None:
         assert max(result.steps["contacts"]) > 20
     (lid, balls), (again, same) = found
     assert np.ptp(lid) > 1e-3
-    # They part as all that collides does.
+    # They part as all that collides does, by a factor of ten in the last third.
     assert lid[:4] == pytest.approx(again[:4], abs=1e-8)
-    assert lid == pytest.approx(again, abs=2e-6)
+    assert lid[:14] == pytest.approx(again[:14], abs=1e-7)
     assert balls[:4] == pytest.approx(same[:4], abs=1e-7)
 
 

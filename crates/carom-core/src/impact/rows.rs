@@ -231,8 +231,10 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
             }
             // What has no solution with restitution, or none that gains no energy, and what goes nowhere, ends the sequence.
             let given_up = self.work.scale.iter().all(|&s| s == 0.0);
-            let goes_on = self.work.closing_of_chosen() > GOES_NOWHERE * before;
-            if given_up || goes_on || self.work.stands_still() {
+            // The law as printed leaves closing what its normals of t_n do not see.
+            let nowhere =
+                law != Law::Printed && self.work.closing_of_chosen() > GOES_NOWHERE * before;
+            if given_up || nowhere || self.work.stands_still() {
                 break;
             }
         }

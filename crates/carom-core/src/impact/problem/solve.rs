@@ -336,6 +336,8 @@ impl ImpactScratch {
         } else if !model.options.is_printed() {
             // The norm of all impulses tells little of a light ball beside a heavy one, and of its joints: Newton's method ends finely at no cost.
             options.missed = (options.tolerance * speed).min(0.1 * least);
+        } else if self.speeds.speed > 0.0 {
+            options.tolerance = options.tolerance.min(least / (10.0 * self.speeds.speed));
         }
         if self.fineness < 1.0 {
             // From a solution, by Newton's method alone.
