@@ -137,3 +137,19 @@ def test_velocities_that_joints_hold_beside_a_heavy_ball(ratio: float, tolerance
         missed.append(np.abs(ends[0] - ends[1]).max() / np.abs(run.velocity).max())
     print(f"ratio {ratio:g}, tolerance {tolerance:g}: velocities to {max(missed):.1e} of the fastest")
     assert max(missed) < held
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-12, 1e-14])
+@pytest.mark.parametrize("ratio", [1e4, 1e6])
+def test_light_balls_below_a_heavy_one_are_solved_to_rounding(ratio: float, tolerance: float) -> None:
+    """What presses a light ball rounds off its velocity: no tolerance asks for more, and nothing falls back for it."""
+    scene = carom.Scene(gravity=(0, 0, -G))
+    scene.contact("b", "b", friction=0.3, restitution=0.5)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="b")
+    for name, x in (("left", 0.0), ("right", 0.041)):
+        scene.sphere(name, radius=0.02, mass=1 / ratio, material="b", position=(x, 0, 0.02))
+    scene.sphere("heavy", radius=0.07, mass=1, material="b", position=(0.001, 0, 0.1124))
+    summary = carom.simulate(scene, step=1e-3, until=0.2, tolerance=tolerance).summary
+    assert summary["fallbacks"] <= 1
+    assert summary["halvings"] == summary["unconverged"] == 0
