@@ -224,7 +224,7 @@ impl Newton {
     }
 
     /// What `(lambda, u)` leave as they are, `M u = G^T lambda`; converged as [`Newton::solve`] would call it (gaps of large islands
-    /// are no condition).
+    /// are no condition, nor is each row by itself).
     pub fn judge<P: Subproblem>(
         &mut self,
         system: &mut RowSystem,

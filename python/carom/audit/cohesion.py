@@ -3,8 +3,8 @@ section 13).
 
 `F = f (1 - g/d)` at gaps `0 <= g < d`, `f` in touch. In a step that a pair begins at the gap `g`, opening at `u`, it is the
 mean on the way that it leaves the pair, `y = h u - c F`, `c = h^2/2 (1/m_A + 1/m_B)`: with `W` the work of rupture from `g`
-on, `y^2 - h u y + c W = 0` where this tears the pair apart, else `F` at the middle of the way. From beyond `d` it is
-`y^2 - h u y - c W' = 0`, with `W'` that from where it ends.
+on, `y^2 - h u y + c W = 0` where this tears the pair apart, else `F` at the middle of the way. From beyond `d` the
+way in `p = -y` has `p^2 - a p - c W' = 0`, with `a` that of the smooth motion alone and `W'` the work from where it ends.
 """
 
 from __future__ import annotations

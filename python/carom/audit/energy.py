@@ -213,9 +213,7 @@ def _balance(block: Block, tally: Tally) -> None:
         # Where a ball was that leaves is on no record, nor what attracted it last.
         passing = block.passing.any(axis=1)
         why = "cohesion: balls come or go in the step"
-        tally.skip(
-            "energy balance", why, "nothing: their energies are judged as they come", int(passing.sum())
-        )
+        tally.skip("energy balance", why, "a run without inflows and outlets", int(passing.sum()))
         judged &= (block.single & ~passing)[:, None]
     k, first = np.nonzero(judged)
 

@@ -113,7 +113,9 @@ class Simulation(State):
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back (or on) to a `state` of this scene. What is recorded begins anew there.
 
-        To strike a ball, change its row of `state["velocity"]` (N, 3), m/s, or `state["angular_velocity"]`, rad/s, before.
+        To strike a ball, change its row of `state["velocity"]` (M, 3), m/s, or `state["angular_velocity"]`, rad/s, before;
+        M are the N balls, then the clumps, whose balls follow them, then the free walls. `CaromError` where it is not a
+        state of this scene, or a ball of a clump is struck by itself.
         """
         try:
             self._core.restore(dict(state))
