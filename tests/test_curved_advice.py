@@ -171,3 +171,24 @@ def test_a_ball_that_comes_to_a_wall_later_is_told_of_after_the_run() -> None:
 def test_little_loss_is_not_told_of() -> None:
     assert not remarks(carom.simulate(in_tube(0.3)))
     assert not remarks(carom.simulate(in_bowl(0.0)))
+
+
+def pressed_in_bowl(**options: Any) -> carom.Scene:
+    """Method `events`, which takes steps of `pressing_step` here from the first to the last moment."""
+    scene = in_bowl(0.5, step=0.02)
+    return scene.with_options(method="events", pressing_step=1e-3, **options)
+
+
+def test_method_events_is_judged_by_the_steps_that_it_makes() -> None:
+    """It was by the time between its rows: 120 % of the energy where nothing was lost."""
+    assert not remarks(carom.simulate(pressed_in_bowl(position_friction="once")))
+    with pytest.warns(CaromWarning, match="pressing_step = "):
+        result = carom.simulate(pressed_in_bowl())
+    [told] = remarks(result)
+    found, named = re.search(r"about ([\d.]+) %", told), re.search(r"pressing_step = ([\d.e-]+)", told)
+    assert found
+    assert named
+    total = energy(result)
+    lost = (total[0] - total[-1]) / np.max(result.steps["energy_kinetic"])
+    assert float(found[1]) == pytest.approx(100 * lost, rel=0.05)
+    assert not remarks(carom.simulate(pressed_in_bowl().with_options(pressing_step=float(named[1]))))

@@ -29,7 +29,7 @@ from carom.audit.near import Near, stiffness
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
 from carom.result.remarks import RISE_PILE
-from carom.scene.tables.options import loads_once
+from carom.scene.tables.options import loads_once, stepping
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:
@@ -275,7 +275,7 @@ def _once_step(block: Block) -> F64:
     """(B,) s: the step whose loads, solved once, lift what they move by more than sums over several steps tell."""
     run = block.run
     if run.method == "events":
-        handed = loads_once(run.options | {"method": "nsga"}) & (block.total(run.steps["stepped"]) > 0.0)
+        handed = loads_once(stepping(run.options)) & (block.total(run.steps["stepped"]) > 0.0)
         return np.where(handed, float(run.options["pressing_step"]), 0.0)
     return np.where(run.loads_once & ~block.single, run.h, 0.0)
 

@@ -15,7 +15,7 @@ from carom.errors import counted, quoted
 from carom.scene.assembly.distances import gaps
 from carom.scene.checks.curved_walls import CLOSE, CURVED, FEW_BALLS, MOST_CHANGE, below, way_on
 from carom.scene.tables.impact_laws import LAWS
-from carom.scene.tables.options import loads_once
+from carom.scene.tables.options import loads_once, stepping
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -92,9 +92,8 @@ def _lost(result: RunData) -> dict[str, Any] | None:
     hollow = [w for w in scene._walls() if w.kind in CURVED and w.shape[-1] and w.motion is None]
     if not hollow or len(result.names) > FEW_BALLS or scene.run.method == "penalty":
         return None
-    if loads_once(scene.run.options()):
-        return None
-    if not result.summary or len(result.time) < 2:
+    steps = stepping(scene.run.options())
+    if loads_once(steps) or not result.summary or len(result.time) < 2:
         return None
     mass, radius = np.asarray(result.bodies["mass"]), np.asarray(result.bodies["radius"])
     frames = np.unique(np.linspace(0, len(result.time) - 1, MOST_FRAMES).astype(int))
@@ -107,12 +106,16 @@ def _lost(result: RunData) -> dict[str, Any] | None:
         on = np.flatnonzero(gaps(wall, position, radii) <= CLOSE * radii)
         way = way_on(wall, position[on], velocity[on], np.array(scene.gravity))
         bent = way.curvature * way.speed**2
-        power[on] += 0.5 * scene.run.step * masses[on] * np.maximum(0.0, way.load + bent) * bent
+        power[on] += 0.5 * steps["step"] * masses[on] * np.maximum(0.0, way.load + bent) * bent
     lost = float(np.trapezoid(power.reshape(len(frames), -1).sum(axis=1), np.asarray(result.time)[frames]))
+    if scene.run.method == "events":  # what moves in closed form loses nothing
+        lost *= min(1.0, result.summary["stepped"] / result.summary["time"])
     if lost <= MOST_CHANGE * largest:
         return None
     left = max(largest - lost, 0.01 * largest)  # what is lost at first is not there to be lost later
-    return {"percent": 100 * lost / largest, "step": below(scene.run.step * MOST_CHANGE * left / lost)}
+    step = below(steps["step"] * MOST_CHANGE * left / lost)
+    key = "pressing_step" if scene.run.method == "events" else "step"
+    return {"percent": 100 * lost / largest, "key": key, "step": step}
 
 
 def _shut_out(result: RunData) -> dict[str, Any] | None:
@@ -156,7 +159,7 @@ REMARKS = {
     "lost_on_curves": Remark(
         _lost,
         "the step took about {percent:.2g} % of the largest kinetic energy on curved walls (estimate from the frames): ",
-        "step = {step:g} takes less than 1 %",
+        "{key} = {step:g} takes less than 1 %",
     ),
     "shut_out": Remark(_shut_out, "{none}", ": no place in the region had room for one"),
 }

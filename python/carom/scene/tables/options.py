@@ -72,8 +72,9 @@ OPTIONS: dict[str, Option] = {
     ),
     "impact": Option("law for several impacts at once"),
     "position_friction": Option(
-        "where friction of loads acts (nsga only). once: loads are solved once, positions are corrected along normals."
-        " paper, as it always is by law sequence-paper: positions have a sub-problem with friction, as printed"
+        "where friction of loads acts (nsga, and the steps of events). once: loads are solved once, positions are"
+        " corrected along normals. paper, as it always is by law sequence-paper: positions have a sub-problem with friction,"
+        " as printed"
     ),
     "solver": Option("solver of the contact problems; auto chooses by the size of the island"),
     "threads": Option("threads; the result has the same bits for any number", Bounds(ge=1, le=4096)),
@@ -181,6 +182,13 @@ def loads_once(options: Mapping[str, Any]) -> bool:
     """Whether a run with these options solves the loads of a step once, for velocities and positions."""
     printed = LAWS[options["impact"]].restitution == "printed"
     return options["method"] == "nsga" and not printed and options["position_friction"] == "once"
+
+
+def stepping(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of the steps that a run makes: those of `events` are of `nsga`, while balls press one another."""
+    if options["method"] != "events":
+        return dict(options)
+    return {**options, "method": "nsga", "step": min(options["step"], options["pressing_step"])}
 
 
 #: Names of the options of the core.
