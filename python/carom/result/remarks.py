@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.errors import counted, quoted
-from carom.scene.assembly.distances import gaps
-from carom.scene.checks.curved_walls import CLOSE, CURVED, FEW_BALLS, MOST_CHANGE, below, way_on
+from carom.result.losses import at_joints, on_walls
 from carom.scene.tables.impact_laws import LAWS
-from carom.scene.tables.options import loads_once, stepping
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -30,8 +28,6 @@ MOST_RISE = 1e-3
 RISE_PILE = 2e-6
 #: How the advice on a wall that jumps begins.
 JUMPS = "the law jumps by"
-#: Frames, evenly spread, from which the loss on curved walls is estimated.
-MOST_FRAMES = 2000
 
 
 def _cut(result: RunData) -> dict[str, Any] | None:
@@ -86,38 +82,6 @@ def _unsettled(result: RunData) -> dict[str, Any] | None:
     return {"share": _rise(result), "usual": usual, "now": run.pile_tolerance}
 
 
-def _lost(result: RunData) -> dict[str, Any] | None:
-    """The force on the wall is that of gravity and of the curved path in the frames; other balls press besides."""
-    scene = result.scene
-    hollow = [w for w in scene._walls() if w.kind in CURVED and w.shape[-1] and w.motion is None]
-    if not hollow or len(result.names) > FEW_BALLS or scene.run.method == "penalty":
-        return None
-    steps = stepping(scene.run.options())
-    if loads_once(steps) or not result.summary or len(result.time) < 2:
-        return None
-    mass, radius = np.asarray(result.bodies["mass"]), np.asarray(result.bodies["radius"])
-    frames = np.unique(np.linspace(0, len(result.time) - 1, MOST_FRAMES).astype(int))
-    position = np.concatenate([result.position[k] for k in frames])
-    velocity = np.nan_to_num(np.concatenate([result.velocity[k] for k in frames]))  # 0 of absent balls
-    masses, radii = np.tile(mass, len(frames)), np.tile(radius, len(frames))
-    largest = float((0.5 * masses * (velocity**2).sum(axis=1)).reshape(len(frames), -1).sum(axis=1).max())
-    power = np.zeros(len(masses))
-    for wall in hollow:
-        on = np.flatnonzero(gaps(wall, position, radii) <= CLOSE * radii)
-        way = way_on(wall, position[on], velocity[on], np.array(scene.gravity))
-        bent = way.curvature * way.speed**2
-        power[on] += 0.5 * steps["step"] * masses[on] * np.maximum(0.0, way.load + bent) * bent
-    lost = float(np.trapezoid(power.reshape(len(frames), -1).sum(axis=1), np.asarray(result.time)[frames]))
-    if scene.run.method == "events":  # what moves in closed form loses nothing
-        lost *= min(1.0, result.summary["stepped"] / result.summary["time"])
-    if lost <= MOST_CHANGE * largest:
-        return None
-    left = max(largest - lost, 0.01 * largest)  # what is lost at first is not there to be lost later
-    step = below(steps["step"] * MOST_CHANGE * left / lost)
-    key = "pressing_step" if scene.run.method == "events" else "step"
-    return {"percent": 100 * lost / largest, "key": key, "step": step}
-
-
 def _shut_out(result: RunData) -> dict[str, Any] | None:
     """Fewer than all is no trouble: an inflow without a rate goes on for as long as there is room."""
     if not result.flows or result.outcome.failed or not result.summary:  # the last: it is still running
@@ -157,9 +121,14 @@ REMARKS = {
         warning=False,  # grains that settle do so, too
     ),
     "lost_on_curves": Remark(
-        _lost,
+        on_walls,
         "the step took about {percent:.2g} % of the largest kinetic energy on curved walls (estimate from the frames): ",
         "{key} = {step:g} takes less than 1 %",
+    ),
+    "lost_at_joints": Remark(
+        at_joints,
+        "the step took about {percent:.2g} % of the largest kinetic energy at joints (estimate from the frames): ",
+        'method = "nsga" takes none there, {key} = {step:g} less than 1 %',
     ),
     "shut_out": Remark(_shut_out, "{none}", ": no place in the region had room for one"),
 }
