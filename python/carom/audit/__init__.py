@@ -105,12 +105,11 @@ def _judge(run: Run, tally: Tally) -> None:
 def _warnings(run: Run) -> list[str]:
     """What the run says of itself that a reader of the verdict should know."""
     result = run.result
-    found = remarks(result, "cut_short", "gained", "unsettled")
+    found = remarks(result, "cut_short", "gained", "unsettled", "missed", "missed_in_pile")
     if not result.outcome.ok:
         found.append(f"the run did not reach its end: {result.outcome.brief}")
     for column, words in (
         ("unconverged", "steps were accepted without convergence"),
-        ("missed_impacts", "impacts were missed: bodies overlapped while separating"),
         (
             "truncated",
             "impact sequences were cut and ended by one problem with all contacts",

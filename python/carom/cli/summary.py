@@ -24,7 +24,6 @@ TROUBLES = {
     "fallbacks": ("solve by a backup method", "solves by a backup method"),
     "truncated_sequences": ("impact sequence cut short", "impact sequences cut short"),
     "halvings": ("step halved", "steps halved"),
-    "missed_impacts": ("impact missed", "impacts missed"),
 }
 #: Travel in a step, in radii, from which a ball can pass through another or a plane unnoticed.
 MOST_TRAVEL = 1.0
@@ -124,9 +123,7 @@ def _troubles(summary: Mapping[str, Any], result: Result) -> str:
     found += [
         f"{n} {one if n == 1 else many}" for k, (one, many) in TROUBLES.items() if (n := summary.get(k))
     ]
-    if summary.get("missed_impacts"):
-        steps = int((np.asarray(result.steps["missed_impacts"]) > 0).sum())
-        found[-1] += f" in {counted(steps, 'step')}"
+    found += remarks(result, "missed_in_pile")
     travel = summary.get("travel_max") or 0.0
     divides = result.scene.run.options()["method"] in ("penalty", "events")  # which see every impact
     if travel > MOST_TRAVEL and not divides:

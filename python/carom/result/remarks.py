@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,18 @@ MORE = 20
 MOST_RISE = 1e-3
 #: Rise of a step of 1 ms over the same energy that piles at rest keep to; it grows with the square of the step.
 RISE_PILE = 2e-6
+#: Overlap, in radii, that rigid contact does not have. Two balls that go by 0.05 radii a step, which gets no advice, overlap
+#: by up to 0.1 at a hit in method moreau. In sound runs penalty stays below 0.04, and the other methods below 1e-3.
+MOST_OVERLAP = 0.1
+#: Overlap from which a ball may be on the other side of a wall: its centre is at the surface, less what a step adds.
+THROUGH = 0.9
+#: What keeps bodies apart, by method.
+APART = {
+    "nsga": "shorten step",
+    "moreau": 'position_projection = true takes overlaps back after each step, method = "nsga" has none',
+    "penalty": "raise the stiffness of the contacts (penalty_young_modulus or penalty_stiffness)",
+    "events": "shorten pressing_step",
+}
 #: How the advice on a wall that jumps begins.
 JUMPS = "the law jumps by"
 
@@ -76,10 +89,32 @@ def _unsettled(result: RunData) -> dict[str, Any] | None:
     usual = RISE_PILE * (float(summary.get("step") or 0.0) / 1e-3) ** 2
     if summary.get("method") != "nsga" or not usual < _rise(result) <= MOST_RISE:
         return None
-    run = result.scene.run
-    if np.asarray(result.steps["contacts"]).max(initial=0) <= run.dense_contacts:
+    if not _is_pile(result):
         return None
-    return {"share": _rise(result), "usual": usual, "now": run.pile_tolerance}
+    return {"share": _rise(result), "usual": usual, "now": result.scene.run.pile_tolerance}
+
+
+def _overlapped(result: RunData) -> dict[str, Any] | None:
+    deepest = result.summary.get("penetration_max_relative") or 0.0
+    if deepest <= MOST_OVERLAP:
+        return None
+    steps, run = result.steps, result.scene.run
+    when = float(steps["time"][int(np.argmax(np.asarray(steps["penetration_relative"])))])
+    through = "; a ball whose centre is in a wall can pass through it" if deepest > THROUGH else ""
+    cure = "shorten step" if run.position_projection and run.method == "moreau" else APART[run.method]
+    return {"radii": deepest, "time": when, "through": through, "cure": cure}
+
+
+def _missed(result: RunData, *, pile: bool) -> dict[str, Any] | None:
+    count = result.summary.get("missed_impacts")
+    if not count or pile != _is_pile(result):
+        return None
+    steps = int(np.count_nonzero(np.asarray(result.steps["missed_impacts"])))
+    return {"impacts": counted(count, "impact"), "steps": counted(steps, "step")}
+
+
+def _is_pile(result: RunData) -> bool:
+    return bool(np.asarray(result.steps["contacts"]).max(initial=0) > result.scene.run.dense_contacts)
 
 
 def _shut_out(result: RunData) -> dict[str, Any] | None:
@@ -119,6 +154,22 @@ REMARKS = {
         "energy rose by up to {share:.2g} of what there is in a step, more than the {usual:.2g} of piles at rest; ",
         "a shorter step, or a smaller pile_tolerance (now {now:g}), lessens it",
         warning=False,  # grains that settle do so, too
+    ),
+    "overlapped": Remark(
+        _overlapped,
+        "bodies overlapped by up to {radii:.2g} radii (at t = {time:g} s), which rigid ones cannot{through}: ",
+        "{cure}",
+    ),
+    "missed": Remark(
+        partial(_missed, pile=False),
+        "{impacts} missed in {steps}, in which bodies overlapped and separated: ",
+        "shorten step",
+    ),
+    "missed_in_pile": Remark(
+        partial(_missed, pile=True),
+        "{impacts} missed in {steps}, in which bodies overlapped and separated: ",
+        "some are normal in a pile",
+        warning=False,
     ),
     "lost_on_curves": Remark(
         on_walls,

@@ -1,0 +1,79 @@
+"""What a run says of itself at its end in Python, as the command line says it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+from carom import CaromWarning, RunFailed, audit
+from carom.result.remarks import remarks
+
+RADIUS = 0.02
+
+
+def tube(motion: Any = None, **run: Any) -> carom.Scene:
+    """A ball that runs round in a tube with ends, into whose wall it sinks by method moreau."""
+    scene = carom.Scene(
+        gravity=(0, 0, -9.8), run={"step": 2e-3, "until": 0.8, "method": "moreau", "impact": "sequence"} | run
+    )
+    scene.contact("b", "w", friction=2.0, restitution=0.0)
+    given = {} if motion is None else {"motion": motion}
+    scene.cylinder("tube", point=(0, 0, 0), axis=(0, 0, 1), radius=0.3, length=20.0, material="w", **given)
+    spin = (5, 0, ((0.6 if motion else 0.0) - 3.36) / RADIUS)
+    at = (0.3 - RADIUS, 0, 0)
+    scene.sphere(
+        "b", radius=RADIUS, mass=0.1, at=at, velocity=(0, 3.36, 0), angular_velocity=spin, material="b"
+    )
+    return scene
+
+
+def test_a_ball_that_sinks_into_a_wall_is_told_of() -> None:
+    with pytest.warns(
+        CaromWarning, match="overlapped by up to .* can pass through it: position_projection = true"
+    ):
+        result = carom.simulate(tube())
+    assert np.hypot(*result["b"].position[-1, :2]) > 0.4  # it went out
+    assert not [
+        told for told in remarks(carom.simulate(tube(position_projection=True))) if "overlapped" in told
+    ]
+    assert not remarks(carom.simulate(tube(method="nsga")))
+
+
+def test_a_run_that_stops_there_names_the_cure_too() -> None:
+    turning = {"surface_rotation": {"axis": (0, 0, 1), "rate": 2.0}}
+    with pytest.raises(RunFailed) as stopped:
+        carom.simulate(tube(turning, until=3.0))
+    [note] = [note for note in stopped.value.__notes__ if "overlapped" in note]
+    assert "at t = 0.5" in note
+    assert "position_projection = true" in note
+
+
+def test_hits_of_long_steps_by_method_moreau_are_told_of_from_a_tenth_of_a_radius() -> None:
+    def told(step: float) -> list[str]:
+        scene = carom.Scene(gravity=(0, 0, 0), run={"step": step, "until": 0.1, "method": "moreau"})
+        scene.contact("b", "b", friction=0.0, restitution=0.0)
+        scene.sphere("a", radius=RADIUS, mass=0.1, at=(0, 0, 0), velocity=(1, 0, 0), material="b")
+        scene.sphere("b", radius=RADIUS, mass=0.1, at=(0.065, 0, 0), velocity=(-1, 0, 0), material="b")
+        return remarks(carom.simulate(scene))
+
+    assert not told(1e-3)  # 0.05 radii a step each
+    [said] = told(4e-3)
+    assert "which rigid ones cannot: position_projection = true" in said
+
+
+def grazing(step: float) -> carom.Scene:
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": step, "until": 0.2})
+    scene.contact("b", "b", friction=0.0, restitution=0.9)
+    scene.sphere("a", radius=RADIUS, mass=0.1, at=(-0.0445, 0.0385, 0), velocity=(1, 0, 0), material="b")
+    scene.sphere("b", radius=RADIUS, mass=0.1, at=(0, 0, 0), material="b")
+    return scene
+
+
+def test_missed_impacts_are_told_in_python_as_by_the_audit() -> None:
+    with pytest.warns(CaromWarning, match="1 impact missed in 1 step, .*: shorten step"):
+        result = carom.simulate(grazing(1.5e-2))
+    [told] = remarks(result)
+    assert told in audit.check(result).warnings
+    assert not remarks(carom.simulate(grazing(1e-4)))
