@@ -120,6 +120,18 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "pressure without area, and no rectangle across the normal that it could act on": [
         ("free.pressure", PLANE + "free = { mass = 1.0, pressure = 1.0 }\n")
     ],
+    "pressure without area, and ... beside it is taken away at ... s": [
+        (
+            "free.pressure",
+            PERIODIC.format("5, 0, 0")
+            + "\n"
+            + PLANE.replace("[0,0,-9]", "[0,-9,0]").replace("[0,0,1]", "[0,1,0]").replace('"w"', '"s"')
+            + PLANE.replace("[0,0,-9]", "[0,9,0]").replace("[0,0,1]", "[0,-1,0]")
+            + "motion = { until = 0.5 }\n"
+            + PLANE.replace('"w"', '"lid"')
+            + "free = { mass = 1.0, pressure = 1.0 }\n",
+        )
+    ],
     "... balls do not fill a ...": [("rack", RACK + "balls = 7\n")],
     "... do not go together": [
         (

@@ -360,6 +360,23 @@ def test_a_cell_of_six_free_planes_holds_its_pressure_as_it_shrinks() -> None:
     assert result.summary["unconverged"] == 0
 
 
+def test_an_area_beside_a_wall_that_is_taken_away_is_refused() -> None:
+    """It went on growing with a wall that was there no longer."""
+
+    def scene(**given: float) -> carom.Scene:
+        made = one_ball(mass=0.2, pressure=100.0, **given)
+        made.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
+        made.world.periodic = (0.1, 0, 0)
+        made.plane("near", material="steel", point=(0, -0.05, 0), normal=(0, 1, 0))
+        made.plane("far", material="steel", point=(0, 0.05, 0), normal=(0, -1, 0), motion={"until": 0.1})
+        return made
+
+    with pytest.raises(ScenarioError, match=r'and plane "far" beside it is taken away at 0.1 s; give area'):
+        scene().validate()
+    result = carom.simulate(scene(area=0.01), step=1e-3, until=0.2, every=1)
+    assert result.walls["lid"].force[-1, 2] == pytest.approx(0.2 * G + 1.0, rel=1e-9)
+
+
 def test_an_area_that_nothing_encloses_is_refused() -> None:
     scene = one_ball(mass=0.2, pressure=100.0)
     scene.sphere("ball", radius=RADIUS, mass=MASS, position=(0, 0, RADIUS), material="steel")
