@@ -47,6 +47,11 @@ STRAINED = (
     '[[contact]]\nbetween = ["ball", "cloth"]\nfriction = 0.0'
 )
 
+SLIPPING = (
+    'step = 1e-3 -> step = 1e-3\nmethod = "penalty"\npenalty_friction = "{0}"\n\n'
+    '[[contact]]\nbetween = ["cloth", "cloth"]\nfriction = 0.1\nrestitution = 0.5\ntangential_restitution = {1}\n'
+)
+
 
 def force(z: str) -> str:
     """A load on the cue ball, upwards."""
@@ -198,6 +203,15 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... must rise from point to point, found ... after ...": [("load", force("{ table = [[1,0],[0,1]] }"))],
     "must be ... everywhere, found ... at ... = ...": [
         ("contact", "restitution = 0.5 -> restitution = { table = [[0, 0.5], [1, 2.0]] }")
+    ],
+    "is ..., and the friction spring of method penalty leaves no slip over": [
+        ("tangential_restitution", SLIPPING.format("spring", -0.5))
+    ],
+    "is ..., and regularised friction of method penalty has none": [
+        ("tangential_restitution", SLIPPING.format("regularised", 0.5))
+    ],
+    "rupture_distance is given without cohesion": [
+        ("contact", "restitution = 0.5 -> restitution = 0.5\nrupture_distance = 1e-4")
     ],
     "cohesion is given without rupture_distance": [
         ("contact", "restitution = 0.5 -> restitution = 0.5\ncohesion = 0.1")

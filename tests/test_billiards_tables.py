@@ -273,6 +273,19 @@ def test_a_shot_is_told_alike_by_both_methods() -> None:
     assert not [h for h in exact.hits if "2" in (h.ball, h.other)]
 
 
+def test_a_ball_that_is_only_pushed_is_named() -> None:
+    """By topspin, frozen to the cue ball: nothing closes, and "hits no ball" was all that was said."""
+    t = table("9ft")
+    scene = t.scene(until=0.5)
+    at = 1.0 + 2 * t.spec.ball_radius
+    t.cue_ball(scene, at=(1.0, 0.6), angular_velocity=(0, 60, 0))
+    t.ball(scene, "1", at=(at, 0.6))
+    t.ball(scene, "2", at=(1.0, 0.9))
+    shot = t.shot(carom.simulate(scene))
+    assert shot.pushed == ("1",)
+    assert str(shot) == "cue pushes 1 and hits no ball."
+
+
 def test_a_result_has_its_shots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One for each ball that was struck, with what it pocketed, as the table reads it; words say the same."""
     t = table("9ft")

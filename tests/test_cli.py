@@ -400,10 +400,10 @@ def test_stored_problems_are_counted_and_weighed(runs: Path) -> None:
     assert kept
     assert f"{len(kept)} contact problem" in said
     assert f"{megabytes:.3g} MB" in said
-    assert "chose none" not in said
+    assert "warning: --save-problems" not in said
     assert json.loads(cli("info", "stored", "--json", cwd=runs).stdout)["stored_problems"] == len(kept)
     late = cli("run", "three_balls.toml", "-o", "late", "--save-problems", "9999999", cwd=runs).stderr
-    assert "--save-problems 9999999 chose none of the" in late
+    assert "--save-problems: the run ended at step 200, before 9999999; choose steps up to 200" in late
 
 
 def test_check(runs: Path) -> None:

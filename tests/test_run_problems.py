@@ -10,7 +10,7 @@ import carom
 import h5py
 import numpy as np
 import pytest
-from carom import CaromError, ContactProblem, _core
+from carom import CaromError, CaromWarning, ContactProblem, _core
 from carom.cli.examples import find
 from carom.problem import ContactProblemError, GlobalProblem
 from carom.problem.kept import ROWS, frames, multipliers, state
@@ -265,6 +265,19 @@ def test_a_run_that_goes_on_keeps_on_keeping(tmp_path: Path) -> None:
     assert {file.step for file in kept_files(run)} == {105, 110}
     carom.resume(run, until=0.12)
     assert {file.step for file in kept_files(run)} == {105, 110, 115}
+
+
+def test_steps_beyond_the_run_are_told_of(tmp_path: Path) -> None:
+    scene_ = carom.Scene.from_toml(find("column")).with_options(until=0.01)
+    steps = round(0.01 / scene_.run.step)
+    with pytest.warns(
+        CaromWarning, match=f"save_problems: the run ended at step {steps}, before 5000, 7000; choose"
+    ):
+        carom.simulate(scene_, save_problems=[steps, 5000, 7000])
+    alone = carom.Scene(run={"until": 0.01, "step": 1e-3})
+    alone.sphere("a", radius=0.1, mass=1.0, material="m", position=(0, 0, 1))
+    with pytest.warns(CaromWarning, match="save_problems: none of the steps that were chosen had contacts"):
+        carom.simulate(alone, save_problems="all")
 
 
 def test_a_run_replaced_leaves_no_problem_of_the_old_one(tmp_path: Path) -> None:

@@ -84,7 +84,9 @@ def test_a_clump_is_struck_whole() -> None:
     for balls in ([0], [0, 1]):
         state = sim.state()
         state["velocity"][balls] = (0, 0, 1)
-        with pytest.raises(carom.CaromError, match="strike the clump, row 2"):
+        with pytest.raises(
+            carom.CaromError, match=r"strike the clump, row 2 of velocity and angular_velocity$"
+        ):
             sim.restore(state)
 
 
@@ -131,6 +133,9 @@ def test_what_is_wrong_is_said() -> None:
     other = carom.Simulation(find("newtons_cradle")).state()
     with pytest.raises(carom.CaromError, match=r"restore: .*what state\(\)"):
         sim.restore(other)
+    state = sim.state()
+    with pytest.raises(carom.CaromError, match="state of this scene has no velocty; did you mean velocity"):
+        sim.restore({**state, "velocty": state["velocity"]})
     with pytest.raises(carom.CaromError, match="no body is called 'ceu'"):
         sim["ceu"]
 

@@ -77,14 +77,13 @@ def run(
         result = launch(described, create, stop=stop, progress=bar, source=str(scenario), problems=problems)
     if problems is not None and not quiet:
         from carom.problem.run_files import FOLDER, kept_files
+        from carom.run.problems import unmet
 
         kept = kept_files(result.path)
         megabytes = sum(file.path.stat().st_size for file in kept) / 1e6
         note(f"{counted(len(kept), 'contact problem')} in {result.path / FOLDER}, {megabytes:.3g} MB")
-        if not kept:
-            note(
-                f"warning: --save-problems {problems.text} chose none of the {len(result.steps)} steps, or none had contacts"
-            )
+        if wrong := unmet(problems, result, "--save-problems"):
+            note(f"warning: {wrong}")
     return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
 
 

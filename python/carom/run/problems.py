@@ -11,11 +11,12 @@ from carom.errors import CaromError
 from carom.files import inside
 from carom.problem.errors import ContactProblemError
 from carom.problem.kept import FORMS
-from carom.problem.run_files import FOLDER, file_name, write_kept
+from carom.problem.run_files import FOLDER, file_name, kept_files, write_kept
 from carom.run.loop import Sink
 
 if TYPE_CHECKING:
     from carom._core import Simulation
+    from carom.result.data import RunData
     from carom.result.directory import RunDir
 
 #: How the problems to keep are chosen.
@@ -60,6 +61,17 @@ class Choice:
         if not steps and not hardest:
             raise CaromError(f"{label}: nothing is chosen; give {CHOICE}")
         return cls(text, tuple(steps), hardest, form)
+
+
+def unmet(choice: Choice, result: RunData, label: str = "save_problems") -> str | None:
+    """What a finished run says of a choice that it could not meet: steps beyond it, or none with contacts."""
+    made = len(result.steps)
+    late = [str(first) for first, last, _ in choice.steps if first > made and last != _LAST]
+    if late:
+        return f"{label}: the run ended at step {made}, before {', '.join(late)}; choose steps up to {made}"
+    if not kept_files(result.path):
+        return f"{label}: none of the steps that were chosen had contacts; choose steps where `steps` counts some"
+    return None
 
 
 def _listed(given: int | Iterable[int], label: str) -> list[int]:

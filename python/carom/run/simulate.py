@@ -109,6 +109,11 @@ def simulate(
         )
     if watch is not None:
         watch.raise_with(result)
+    if choice is not None and not result.outcome.failed:
+        from carom.run.problems import unmet
+
+        if wrong := unmet(choice, result):
+            warnings.warn(wrong, CaromWarning, stacklevel=3)
     return _judged(result, halt, 4, kept=out is not None)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from carom import _core
-from carom.errors import CaromError, CaromWarning
+from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.numeric import is_whole
 from carom.result.directory import now
 from carom.result.record import Memory
@@ -117,12 +117,15 @@ class Simulation(State):
         M are the N balls, then the clumps, whose balls follow them, then the free walls. `CaromError` where it is not a
         state of this scene, or a ball of a clump is struck by itself.
         """
+        known = list(self._core.state())
+        if unknown := [str(name) for name in state if name not in known]:
+            cure = did_you_mean(unknown[0], known)
+            raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
         try:
             self._core.restore(dict(state))
         except _core.ModelError as error:
-            raise CaromError(
-                f"restore: {error}; give what state() of a simulation of this scene returned"
-            ) from error
+            cure = "" if "; " in str(error) else "; give what state() of a simulation of this scene returned"
+            raise CaromError(f"restore: {error}{cure}") from error
         self._run.about["restored"] = self.steps
         self._begin()
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 #: Closing speed, m/s, below which bodies lean on one another and do not hit.
 SLOWEST = 1e-3
+#: Gap, and way, in radii: balls that are nearer touch, and those that went less far lay still.
+FROZEN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class Shot:
     balls: frozenset[str]
     hits: tuple[Hit, ...]
     pocketed: tuple[Pocketed, ...]
+    pushed: tuple[str, ...] = ()
+    """The balls that the cue ball touched at the start and moved without a hit."""
 
     @property
     def first(self) -> str | None:
@@ -57,7 +61,8 @@ class Shot:
 
     def __str__(self) -> str:
         """The shot in a sentence or two."""
-        told = [f"{self.cue} hits {self.first} first." if self.first else f"{self.cue} hits no ball."]
+        pushes = f" pushes {', '.join(self.pushed)} and" if self.pushed else ""
+        told = [f"{self.cue}{pushes} hits {f'{self.first} first' if self.first else 'no ball'}."]
         gone = [f"{ball.ball} ({ball.pocket})" for ball in self.pocketed if ball.ball != self.cue]
         if gone:
             told.append(f"Gone: {', '.join(gone)}.")
@@ -74,6 +79,16 @@ def struck(result: RunData) -> list[str]:
     """The balls that move at the start."""
     moving = np.concatenate([result.velocity[0], result.angular_velocity[0]], axis=1).any(axis=1)
     return [result.names[k] for k in np.flatnonzero(moving)]
+
+
+def _pushed(result: RunData, cue: str, hits: tuple[Hit, ...]) -> tuple[str, ...]:
+    position, radius = np.asarray(result.position[0]), np.asarray(result.bodies["radius"])
+    k = result.names.index(cue)
+    gap = np.linalg.norm(position - position[k], axis=1) - radius - radius[k]
+    moved = np.linalg.norm(np.asarray(result.position[-1]) - position, axis=1)
+    found = (gap < FROZEN * radius) & (moved > FROZEN * radius)
+    rest = {cue, *struck(result), *(name for hit in hits for name in (hit.ball, hit.other))}
+    return tuple(name for name in np.array(result.names)[found].tolist() if name not in rest)
 
 
 def _causes(balls: list[str], hits: tuple[Hit, ...]) -> dict[str, set[str]]:
@@ -103,4 +118,4 @@ def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest:
     names = frozenset(result.names)
     causes = _causes([cue, *struck(result)], tuple(hit for hit in hits if hit.other in names))
     mine = tuple(ball for ball in pocketed if cue in causes.get(ball.ball, {cue}))
-    return Shot(cue, names, hits, mine)
+    return Shot(cue, names, hits, mine, _pushed(result, cue, hits))

@@ -26,6 +26,7 @@ from carom.scene.checks.deformation import check_deformation
 from carom.scene.checks.flow import check_flow
 from carom.scene.checks.joint_start import check_start
 from carom.scene.checks.overlap import overlaps
+from carom.scene.checks.penalty import check_penalty
 from carom.scene.checks.walls import MOST, check_periodic, check_walls, start_overlap
 from carom.scene.messages import Finding
 from carom.scene.tables.balls import MOST_BALLS, Ball, Generator
@@ -133,6 +134,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     yield from _pairs(parts)
     yield from check_clumps(parts)
     yield from check_deformation(parts)
+    yield from check_penalty(parts)
     wrong_names = list(check_names(parts))
     yield from wrong_names
     if len(parts.bodies().names) == 0:
