@@ -18,6 +18,7 @@ from carom.scene.tables.impact_laws import LAWS
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
+    from carom.scene.scene import Scene
 
 #: Share of the steps with impacts: where more of them were cut, the rebounds of the run are those of another law.
 MOST_CUT = 0.5
@@ -98,11 +99,16 @@ def _overlapped(result: RunData) -> dict[str, Any] | None:
     deepest = result.summary.get("penetration_max_relative") or 0.0
     if deepest <= MOST_OVERLAP:
         return None
-    steps, run = result.steps, result.scene.run
+    steps = result.steps
     when = float(steps["time"][int(np.argmax(np.asarray(steps["penetration_relative"])))])
     through = "; a ball whose centre is in a wall can pass through it" if deepest > THROUGH else ""
-    cure = "shorten step" if run.position_projection and run.method == "moreau" else APART[run.method]
-    return {"radii": deepest, "time": when, "through": through, "cure": cure}
+    return {"radii": deepest, "time": when, "through": through, "cure": apart(result.scene)}
+
+
+def apart(scene: Scene) -> str:
+    """What keeps the bodies of a scene from overlapping."""
+    run = scene.run
+    return "shorten step" if run.position_projection and run.method == "moreau" else APART[run.method]
 
 
 def _missed(result: RunData, *, pile: bool) -> dict[str, Any] | None:

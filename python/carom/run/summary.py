@@ -13,6 +13,7 @@ import numpy as np
 import carom
 from carom import _core
 from carom.result.kinematics import QUANTITIES
+from carom.result.remarks import apart
 from carom.run import checkpoint
 
 if TYPE_CHECKING:
@@ -79,6 +80,20 @@ def named(outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str
     if found.get("bodies") is not None:
         found["bodies"] = [names[i] if 0 <= i < len(names) else str(i) for i in found["bodies"]]
     return found
+
+
+def sunk(outcome: dict[str, Any], scene: Scene, deepest: float) -> dict[str, Any]:
+    """The outcome of a run that stopped because a ball has sunk into a wall up to its centre, by `deepest` radii.
+
+    The core calls it too fast there, and from this depth on it names a step that is longer than the one in use.
+    """
+    names = outcome.get("bodies") or [""]
+    if outcome["kind"] != "too_fast" or names[-1] not in scene.wall_names:
+        return outcome
+    if deepest < 1.0 - 0.5 ** (1 + scene.run.max_halvings):
+        return outcome
+    where = f"the centre of {names[0]} has sunk into {names[-1]}"
+    return outcome | {"message": where, "advice": apart(scene)}
 
 
 def plain(value: Any) -> Any:
