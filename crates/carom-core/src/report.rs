@@ -389,6 +389,8 @@ impl Outcome {
             Failure::Load => "load_failed",
             Failure::Friction { .. } => "friction_failed",
             Failure::Restitution { .. } => "restitution_failed",
+            // Only a wall stops a shorter way: its sheet is between the centre and where it was.
+            Failure::TooFar { travel, length, .. } if travel < length => "sunk",
             Failure::TooFar { .. } => "too_fast",
             Failure::TooManyPairs => "too_many_pairs",
             Failure::TooManySubsteps => "too_many_substeps",

@@ -439,7 +439,7 @@ impl Simulation {
                     true => "it turns",
                     false => "they meet",
                 };
-                out.message = Some(self.too_fast(how, travel, length));
+                out.message = (travel >= length).then(|| self.too_fast(how, travel, length));
             }
             Failure::BlowUp(what) => {
                 out.bodies = pair(what.bodies);

@@ -470,8 +470,7 @@ class Run:
         segment |= {"to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
         about["segments"] = [*(part for part in about["segments"] if part is not segment), segment]
         about["status"] = "failed" if failed else ending.kind
-        outcome = summary.named(ending.outcome, self.names, self.wall_names)
-        about["outcome"] = summary.sunk(outcome, scene, simulation.monitors()["penetration_max_relative"])
+        about["outcome"] = summary.sunk(summary.named(ending.outcome, self.names, self.wall_names), scene)
         about["finished"] = now()
         about["summary"] = summary.summary(scene, simulation, self.plan, about)
         return problem

@@ -82,18 +82,12 @@ def named(outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str
     return found
 
 
-def sunk(outcome: dict[str, Any], scene: Scene, deepest: float) -> dict[str, Any]:
-    """The outcome of a run that stopped because a ball has sunk into a wall up to its centre, by `deepest` radii.
-
-    The core calls it too fast there, and from this depth on it names a step that is longer than the one in use.
-    """
-    names = outcome.get("bodies") or [""]
-    if outcome["kind"] != "too_fast" or names[-1] not in scene.wall_names:
+def sunk(outcome: dict[str, Any], scene: Scene) -> dict[str, Any]:
+    """The outcome of a run, with what keeps balls from sinking into walls where one has, up to its centre."""
+    if outcome["kind"] != "sunk":
         return outcome
-    if deepest < 1.0 - 0.5 ** (1 + scene.run.max_halvings):
-        return outcome
-    where = f"the centre of {names[0]} has sunk into {names[-1]}"
-    return outcome | {"message": where, "advice": apart(scene)}
+    ball, wall = outcome["bodies"]
+    return outcome | {"message": f"the centre of {ball} has sunk into {wall}", "advice": apart(scene)}
 
 
 def plain(value: Any) -> Any:
