@@ -4,6 +4,7 @@
 //! `-f (d - g)^2/(2 d)`. It belongs to the smooth motion: each step it gives its pairs an impulse, which contacts take like that of any load.
 
 use crate::candidates::{self, NearPair};
+use crate::clump;
 use crate::contact::Contact;
 use crate::level::speeds::opening;
 use crate::model::{ContactLaw, Model};
@@ -179,7 +180,7 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
             true => c.middle_normal(),
             false => c.n1,
         };
-        let of_b = model.inv_mass.get(b).copied().unwrap_or(0.0);
+        let inverse_mass = |body| scratch.clumps.inverse_mass(model, body, along);
         let opening = opening(model, state, walls, &c);
         let gap = apart(model, (c.a, c.b), c.gap_start);
         // Of Moreau-Jean rebounds leave the distance within the step that they are in, and pay nothing: what comes in gains nothing either.
@@ -187,7 +188,12 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
             true => c.gap_start,
             false => there.gap,
         };
-        let force = law.mean_attraction([gap, end], opening, model.inv_mass[a] + of_b, h);
+        let force = law.mean_attraction(
+            [gap, end],
+            opening,
+            inverse_mass(c.a) + inverse_mass(c.b),
+            h,
+        );
         if force == 0.0 {
             continue;
         }
@@ -200,14 +206,16 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
     }
     scratch.driven_pulls = driven_pulls;
     for (a, b, impulse) in pulls {
-        for (i, sign) in [(a as usize, 1.0), (b as usize, -1.0)] {
-            if let Some(p) = scratch.linear[..model.bodies()].get_mut(i) {
+        for (body, sign) in [(a, 1.0), (b, -1.0)] {
+            if let Some(i) = scratch.clumps.push(model, body, sign * impulse) {
+                let p = &mut scratch.linear[i];
                 p.velocity += sign * model.inv_mass[i] * impulse;
                 p.displacement += sign * way * model.inv_mass[i] * impulse;
                 scratch.position[i] = state.position[i] + p.displacement;
             }
         }
     }
+    clump::turn_by_loads(model, state, scratch, way);
     Ok(())
 }
 

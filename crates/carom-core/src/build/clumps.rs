@@ -53,7 +53,6 @@ fn check_beside(input: &ModelInput, options: &Options) -> Result<(), ModelError>
             !input.loads.is_empty(),
             "springs or loads beyond the weight",
         ),
-        (input.cohesion.iter().any(|&c| c > 0.0), "cohesion"),
         (options.method != Method::Nsga, "methods other than nsga"),
         (options.is_printed(), "position_friction = \"paper\""),
         (options.impact.is_printed(), "impact = \"sequence-paper\""),

@@ -21,6 +21,8 @@ pub struct Clumps {
     /// At which the loads were solved, and where these have turned them.
     pub(super) at_loads: Vec<DQuat>,
     pub(super) by_loads: Vec<DQuat>,
+    /// What loads on its balls gave each clump in the step, about its centre of mass, N m s.
+    pub(super) moment: Vec<DVec3>,
     /// `S` of each clump, and its inverse.
     scale: Vec<[DMat3; 2]>,
 }
@@ -37,6 +39,7 @@ impl Clumps {
             orientation: vec![DQuat::IDENTITY; count],
             at_loads: vec![DQuat::IDENTITY; count],
             by_loads: vec![DQuat::IDENTITY; count],
+            moment: vec![DVec3::ZERO; count],
             scale: vec![[DMat3::IDENTITY; 2]; count],
         }
     }
@@ -52,6 +55,27 @@ impl Clumps {
             self.lever[ball] = to * *offset;
             self.middle[ball] = middle * *offset;
         }
+    }
+
+    /// An impulse of a load on the centre of a ball: the body that it moves, and what it turns is noted. None of a wall that does not move freely.
+    pub fn push(&mut self, model: &Model, ball: u32, impulse: DVec3) -> Option<usize> {
+        if let Some(number) = model.clump_of(ball) {
+            self.moment[number] += self.middle[ball as usize].cross(impulse);
+        }
+        Some(model.mover(ball)? as usize)
+    }
+
+    /// Inverse mass of a body at a contact along its normal, 1/kg; 0 of a wall that does not move freely.
+    pub fn inverse_mass(&self, model: &Model, body: u32, normal: DVec3) -> f64 {
+        let turning = model.clump_of(body).map_or(0.0, |number| {
+            let arm = self.middle[body as usize].cross(normal);
+            let turned = model.clumps[number].turning(self.orientation[number], arm);
+            arm.dot(turned)
+        });
+        let moving = model
+            .mover(body)
+            .map_or(0.0, |i| model.inv_mass[i as usize]);
+        moving + turning
     }
 
     /// How far (rad) the clump of a ball has turned since the loads were solved; 0 of what belongs to none.

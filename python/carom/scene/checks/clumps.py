@@ -47,12 +47,6 @@ def check_clumps(parts: Parts) -> Iterator[Finding]:
         for i, _ in parts.entries[section][:1]:
             cause = f"{LEAVE_OUT[section]} not act in a scene with clumps yet"
             yield Finding((section, i), cause, "leave this table out, or take spheres in place of clumps")
-    for i, contact in parts.contacts():
-        if contact.cohesion:
-            cause = "cohesion does not act in a scene with clumps yet"
-            cure = "leave cohesion out, or take spheres in place of clumps"
-            yield Finding(("contact", i, "cohesion"), cause, cure)
-            break
 
 
 def _options(parts: Parts) -> Iterator[Finding]:
