@@ -55,8 +55,7 @@ pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
             acceleration: (end - w) / h,
         };
         for ball in clump.balls.clone() {
-            (scratch.linear[ball], scratch.angular[ball]) =
-                (Prediction::default(), scratch.angular[i]);
+            scratch.linear[ball] = Prediction::default();
         }
     }
     scratch.clumps.moment.fill(DVec3::ZERO);
@@ -70,6 +69,7 @@ fn take_along(model: &Model, state: &State, scratch: &mut Scratch) {
     for (_, i, clump) in present(model, state) {
         for ball in clump.balls.clone() {
             scratch.linear[ball].displacement = scratch.position[ball] - state.position[ball];
+            scratch.angular[ball] = scratch.angular[i];
         }
         give(clump, i, scratch);
     }
