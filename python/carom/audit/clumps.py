@@ -99,7 +99,7 @@ class _Laws:
         self.block, self.clumps = block, block.run.clumps
         self.old, self.new = block.c0, block.c1
         self.momenta = [self.clumps.momenta(rows) for rows in (self.old, self.new)]
-        self.sums = forces.of_contacts(block)
+        self.sums, self.flights = forces.of_contacts(block), flights.of_block(block)
         #: Whether contacts may have acted on it, one of which what is left is on record.
         self.touched = ~apart & (self.clumps.sum(self.sums.count) > 0)
         self.rounding = rounding(block)[:, self.clumps.first]
@@ -125,9 +125,12 @@ class _Laws:
         old, new, of_box = self.old[..., 7:10], self.new[..., 7:10], carried.of_block(block)
         mass = clumps.mass[:, None]
         weight = mass * (block.run.gravity * self.dt[..., None] + of_box.velocity[:, first])
-        value = norm(mass * (new - old) - weight - clumps.sum(self.sums.impulse))
-        size = clumps.mass * (norm(old) + norm(new)) + norm(weight) + clumps.sum(self.sums.size)
-        return value, self.rounding * (size + self.largest) + clumps.mass * of_box.slack[:, first]
+        pulled, loose = self.flights.push, self.flights.push_off
+        value = norm(mass * (new - old) - weight - pulled - clumps.sum(self.sums.impulse))
+        size = (
+            clumps.mass * (norm(old) + norm(new)) + norm(weight) + norm(pulled) + clumps.sum(self.sums.size)
+        )
+        return value, self.rounding * (size + self.largest) + loose + clumps.mass * of_box.slack[:, first]
 
     def _spin(self) -> tuple[F64, F64]:
         block, s, clumps = self.block, self.sums, self.clumps
@@ -140,7 +143,9 @@ class _Laws:
         own = 2.0 * clumps.most * self.spin
         size = own + pushed + clumps.sum(s.moment_size)
         size = size + np.where(self.touched, clumps.reach * self.largest, 0.0)
-        bound = self.rounding * size + clumps.sum(s.turned)
+        bound = (
+            self.rounding * (size + norm(self.flights.kick)) + clumps.sum(s.turned) + self.flights.kick_off
+        )
         bound = bound + TURNED * EPS * block.updates[:, None] * own
         # Impulses of several steps may cancel in their sum: the normal ones do not.
         index = block.run.law_index(block.rows.a, block.rows.b)
@@ -157,8 +162,9 @@ class _Laws:
         """By how much the momentum before impacts is off, that at the end less what contacts gave: its size, and its
         direction beyond the angle by which corrections of positions may have turned it.
         """
-        before, size = self.momenta[1] - given, norm(self.momenta[0])
-        beyond = norm(before - self.momenta[0]) - angle * size
+        before, first = self.momenta[1] - given, self.momenta[0] + self.flights.kick
+        size = norm(first)
+        beyond = norm(before - first) - angle * size
         return np.maximum(np.abs(norm(before) - size), beyond)
 
     def _corrected(self) -> F64:
@@ -184,7 +190,7 @@ class _Laws:
     def _position(self) -> tuple[F64, F64]:
         block, clumps, first = self.block, self.clumps, self.clumps.first
         moved = self.sums.shift_size[:, first] / clumps.mass
-        free = flights.of_block(block).rows[..., :3]
+        free = self.flights.rows[..., :3]
         value = norm(self.new[..., :3] - free - clumps.sum(self.sums.shift) / clumps.mass[:, None])
         size = norm(self.old[..., :3]) + norm(self.new[..., :3]) + moved
         size = size + self.dt * (norm(self.old[..., 7:10]) + norm(self.new[..., 7:10]))
@@ -192,11 +198,12 @@ class _Laws:
         left = (block.left(norm(block.rows.position_impulse)) + block.floor)[:, None] / clumps.mass
         reach = np.where(self.single, 0.0, 2.0 * (self.struck * self.dt / clumps.mass + moved))
         bound = self.rounding * size + carried.of_block(block).slack_way[:, first]
+        bound = bound + self.dt * self.flights.push_off / clumps.mass
         return value, bound + np.where(self.touched, left + reach, 0.0)
 
     def _rotation(self) -> tuple[F64, F64]:
         block, s, clumps = self.block, self.sums, self.clumps
-        free, q = flights.of_block(block), self.new[..., 3:7]
+        free, q = self.flights, self.new[..., 3:7]
         off = rotation_vector(product(q, conjugate(free.rows[..., 3:7])))
         given = (clumps.turning(q, turning.moment(block, s.shift, own)) for own in s.shift_moments)
         value = np.minimum(*(norm(off - psi) for psi in given))

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import carried
+from carom.audit import carried, free_turns
 from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.rates import Pairs, compliance, rates
+from carom.audit.rates import Pairs, rates
 from carom.audit.vectors import EPS, add_at, norm, unit
 from carom.scene.packing.neighbours import pairs as neighbours
 
@@ -125,7 +125,8 @@ def pulls(block: Block) -> Pulls:
     pairs, along = pairs.of(rows), along[rows]
     k, a, opening, end, off = pairs.k, pairs.a, opening[rows], end[rows], off[rows]
     image = block.image(k, a, pairs.b)
-    free, per_force = h * opening, 0.5 * h * h * compliance(run, a, pairs.b)[0]
+    inverse = sum(free_turns.inverse_mass(block, k, body, along) for body in (a, pairs.b))
+    free, per_force = h * opening, 0.5 * h * h * inverse
     now, work = attraction(pairs, pairs.gap), rupture(pairs, pairs.gap)
     left = free**2 - 4.0 * per_force * work
     torn = 0.5 * (free + np.sqrt(np.maximum(left, 0.0)))
@@ -191,7 +192,7 @@ def _smooth(block: Block, pairs: Cohesive) -> tuple[F64, F64, F64]:
         x = block.x0 + 0.5 * h * block.v0
         _, normal = run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])
         return normal, pairs.gap, np.zeros(len(k))
-    x = block.x0 + h * block.v0 + 0.5 * h * h * run.falls + carried.of_block(block).way
+    x = free_turns.places(block)
     end, last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])
     one = run.jointed[a] | (run.jointed[b] & (pairs.b < run.bodies))
     middle = np.where(one[:, None] | (not run.loads_once), last, unit(pairs.normal + last))

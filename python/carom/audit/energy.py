@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, box_energy, cohesion, groups, reactions, rigid, turning
+from carom.audit import answers, box_energy, cohesion, flights, groups, reactions, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
@@ -244,7 +244,13 @@ def _attracted(block: Block) -> tuple[F64, F64]:
         return none, none
     (given, slack), fast = cohesion.on_bodies(block), speeds(block)
     after = answers.before_contacts(block)[..., :3]
-    work = np.nansum(0.5 * dot(given, block.v0 + after), axis=1)
+    each = 0.5 * dot(given, block.v0 + after)
+    if run.clumps:  # what turns them is part of `turning.of_block`
+        flown, alone = flights.of_block(block), ~run.in_clump
+        each = np.concatenate(
+            [each[:, alone], 0.5 * dot(flown.push, block.c0[..., 7:10] + flown.rows[..., 7:10])], axis=1
+        )
+    work = np.nansum(each, axis=1)
     ends = [cohesion.potential(run, *at) for at in ((block.t0, block.x0), (block.t1, block.x1))]
     pairs, along, impulse, _ = cohesion.pulls(block)
     driven, moved = np.zeros((2, block.count))

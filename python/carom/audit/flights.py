@@ -2,7 +2,8 @@
 
     x = x_0 + dt v_0 + dt^2 g/2,    L = const,    dR/dt = (J(R)^-1 L) x R
 
-Loads of a step are solved at these places (`loads_once`); what contacts give comes on top.
+and with what attraction gives their balls in a step, whose ways have half of it. Loads of a step are solved at these places
+(`loads_once`); what contacts give comes on top.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import carried, rigid
+from carom.audit import carried, cohesion, free_turns, rigid
 from carom.audit.block import Block, once
-from carom.audit.vectors import cross, dot, norm, rotated
+from carom.audit.vectors import cross, dot, exponential, norm, product, rotated
 
 Motion = tuple[F64, F64, F64, F64]
 
@@ -30,31 +31,37 @@ class Flights(NamedTuple):
     """(B, N, 3) velocities of balls of clumps."""
     off: F64
     """(B, C) rad by which the scheme may be off in how clumps turn."""
+    push: F64
+    """(B, C, 3) impulses of attraction, N s, and moments of them about the centres of mass, N m s."""
+    kick: F64
+    push_off: F64
+    """(B, C) how far these may be off."""
+    kick_off: F64
 
 
 @once
 def of_block(block: Block) -> Flights:
     """The flights of all clumps."""
-    run, dt = block.run, block.dt[:, None, None]
-    rows = block.c1.copy()
-    many = np.tile(np.arange(len(run.clumps)), block.count)
-    start, times = (
-        block.c0.reshape(-1, 13),
-        np.repeat(np.asarray(block.dt, dtype=np.float64), len(run.clumps)),
-    )
-    turned = rigid.free(run.clumps.inertia[many], start[:, 3:7], start[:, 10:], times)
-    rows[..., 3:7] = turned.reshape(*rows.shape[:2], 4)
-    of_box = carried.of_block(block)
-    old, first = block.c0, run.clumps.first
-    rows[..., :3] = old[..., :3] + dt * old[..., 7:10] + 0.5 * dt * dt * run.gravity + of_box.way[:, first]
-    rows[..., 7:10] = old[..., 7:10] + dt * run.gravity + of_box.velocity[:, first]
-    rows[..., 10:] = run.clumps.turning(rows[..., 3:7], run.clumps.momenta(old))
+    run, clumps, dt = block.run, block.run.clumps, block.dt[:, None]
+    rows, old = free_turns.rows(block).copy(), block.c0
+    (given, slack), arm = cohesion.on_bodies(block), np.zeros(run.bodies)
+    slack = slack + cohesion.most(block) * dt
+    arm[clumps.balls] = clumps.arm
+    push, kick = clumps.sum(given), clumps.sum(cross(free_turns.levers(block), given))
+    push_off, kick_off = clumps.sum(slack), clumps.sum(slack * arm)
+    rows[..., :3] += (0.5 * dt / clumps.mass)[..., None] * push
+    rows[..., 7:10] += push / clumps.mass[:, None]
+    turned = exponential(0.5 * dt[..., None] * clumps.turning(rows[..., 3:7], kick))
+    kicked = (kick != 0.0).any(axis=-1, keepdims=True)
+    rows[..., 3:7] = np.where(kicked, product(turned, rows[..., 3:7]), rows[..., 3:7])
+    rows[..., 10:] = clumps.turning(rows[..., 3:7], clumps.momenta(old) + kick)
     spin = np.maximum(norm(old[..., 10:]), norm(block.c1[..., 10:]))
-    off = block.updates[:, None] * rigid.scheme(spin, run.h)
+    off = block.updates[:, None] * rigid.scheme(spin, run.h) + kick_off / clumps.least * dt
     off[np.isnan(rows[..., 3])] = np.inf
     x, _, v, _ = rigid.placed(run, block.x1, block.q1, rows)
     known = np.isfinite(x)
-    return Flights(rows, np.where(known, x, block.x1), np.where(known, v, block.v1), off)
+    return Flights(rows, np.where(known, x, block.x1), np.where(known, v, block.v1), off,
+                   push, kick, push_off, kick_off)  # fmt: skip
 
 
 @once
@@ -89,12 +96,10 @@ def half_way(block: Block) -> F64:
     their clumps turn, m; 0 for other bodies, and for walls at last. Loads of a step act there.
     """
     run = block.run
-    rows, found = block.c1.copy(), np.zeros((block.count, run.bodies + 1, 3))
+    found = np.zeros((block.count, run.bodies + 1, 3))
     if not run.clumps:
         return found
-    q, last = block.c0[..., 3:7], block.c1[..., 3:7]
-    both = last + np.where((q * last).sum(axis=-1, keepdims=True) < 0.0, -q, q)
-    rows[..., 3:7] = both / norm(both)[..., None]
+    rows = free_turns.half_way(block.c0, block.c1)
     found[:, run.clumps.balls] = run.clumps.levers(rows) - run.clumps.levers(block.c1)
     return found
 

@@ -22,7 +22,7 @@ def momenta(block: Block) -> F64:
     clumps that leave.
     """
     run, clumps, sums = block.run, block.run.clumps, forces.of_contacts(block)
-    first, last = clumps.momenta(block.c0), clumps.momenta(block.c1)
+    first, last = clumps.momenta(block.c0) + flights.of_block(block).kick, clumps.momenta(block.c1)
     before = [last - moment(block, sums.impulse, own) for own in sums.moments]
     one, other = (np.abs(norm(of) - norm(first)) for of in before)
     both = np.where((one <= other)[..., None], *before)

@@ -1,0 +1,71 @@
+"""Where clumps, and all bodies, would be at the end of an interval by their weight alone: by Euler's equations.
+
+Attraction is known from there (`cohesion`), and what it gives clumps is part of their flight (`flights`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carom.arrays import F64, I64
+from carom.audit import carried, rigid
+from carom.audit.block import Block, once
+from carom.audit.vectors import cross, dot, norm
+
+
+@once
+def rows(block: Block) -> F64:
+    """(B, C, 13) the motion of clumps without moments; not a number where they turn too far."""
+    run, dt, old = block.run, block.dt[:, None, None], block.c0
+    found = block.c1.copy()
+    many = np.tile(np.arange(len(run.clumps)), block.count)
+    start = old.reshape(-1, 13)
+    times = np.repeat(np.asarray(block.dt, dtype=np.float64), len(run.clumps))
+    turned = rigid.free(run.clumps.inertia[many], start[:, 3:7], start[:, 10:], times)
+    found[..., 3:7] = turned.reshape(*found.shape[:2], 4)
+    of_box, first = carried.of_block(block), run.clumps.first
+    found[..., :3] = old[..., :3] + dt * old[..., 7:10] + 0.5 * dt * dt * run.gravity + of_box.way[:, first]
+    found[..., 7:10] = old[..., 7:10] + dt * run.gravity + of_box.velocity[:, first]
+    found[..., 10:] = run.clumps.turning(found[..., 3:7], run.clumps.momenta(old))
+    return found
+
+
+@once
+def places(block: Block) -> F64:
+    """(B, N, 3) places of all bodies, m."""
+    run, dt = block.run, block.dt[:, None, None]
+    found = block.x0 + dt * block.v0 + 0.5 * dt * dt * run.falls + carried.of_block(block).way
+    if run.clumps:
+        free, balls = rows(block), run.clumps.balls
+        found[:, balls] = free[:, run.clumps.of, :3] + run.clumps.levers(free)
+    return found
+
+
+@once
+def levers(block: Block) -> F64:
+    """(B, N, 3) centres of balls of clumps from the centres of mass half-way, m; 0 of other bodies."""
+    run, found = block.run, np.zeros((block.count, block.run.bodies, 3))
+    if run.clumps:
+        found[:, run.clumps.balls] = run.clumps.levers(half_way(block.c0, rows(block)))
+    return found
+
+
+def half_way(first: F64, last: F64) -> F64:
+    """Rows (B, C, 13) like `last`, turned half-way from those at `first`."""
+    found, q, end = last.copy(), first[..., 3:7], last[..., 3:7]
+    both = end + np.where((q * end).sum(axis=-1, keepdims=True) < 0.0, -q, q)
+    found[..., 3:7] = both / norm(both)[..., None]
+    return found
+
+
+def inverse_mass(block: Block, k: I64, body: I64, along: F64) -> F64:
+    """(K,) 1/kg, inverse masses of bodies (walls: 0) pushed along a direction (K, 3) at their centres in the intervals `k`."""
+    run = block.run
+    found = 1.0 / np.append(run.mass, np.inf)[np.minimum(body, run.bodies)]
+    mine = np.flatnonzero(run.in_clump[np.minimum(body, run.bodies - 1)] & (body < run.bodies))
+    if mine.size:
+        number = run.clump_of[body[mine]]
+        arm = cross(levers(block)[k[mine], body[mine]], along[mine])
+        turned = run.clumps.turning(rows(block)[k[mine], number, 3:7], arm, number)
+        found[mine] = 1.0 / run.clumps.mass[number] + dot(arm, turned)
+    return np.asarray(found)
