@@ -24,6 +24,17 @@ def result() -> carom.Result:
     return carom.simulate(ROOT / "scenarios" / "newtons_cradle.toml", every=10)
 
 
+@pytest.fixture(scope="module")
+def sliding() -> carom.Result:
+    """Three balls that slide on a floor, the first against the others: contacts in every frame but that of the start."""
+    scene = carom.Scene("sliding", run={"until": 0.05, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for name, x, v in (("a", 0.0, 0.6), ("b", 0.03, 0.0), ("c", 0.06, 0.0)):
+        scene.sphere(name, radius=0.01, mass=0.01, material="m", at=(x, 0, 0.01), velocity=(v, 0, 0))
+    return carom.simulate(scene, walls=True)
+
+
 def test_one_ball_of_a_part(result: carom.Result) -> None:
     part = result.sel(time=slice(0.01, 0.02), body=["ball5", "ball2"])
     ball = part["ball2"]
@@ -106,6 +117,43 @@ def test_tables_are_cut_alike(result: carom.Result) -> None:
     assert len(part.impacts) == wanted.sum() > 0
     contacts = result.sel(time=slice(None, None, 7)).contacts
     assert set(np.asarray(contacts["frame"]) % 7) <= {0}
+
+
+def test_contacts_of_one_frame_of_a_part(sliding: carom.Result) -> None:
+    """`at(k)` of chosen rows has the chosen rows of the k-th chosen frame, and no others."""
+    whole, time = sliding.contacts, np.asarray(sliding.time)
+    for wanted in (slice(0.02, 0.04), slice(None, None, 7), [0.03, 0.01, 0.01]):
+        part = sliding.sel(time=wanted)
+        for k in (*range(len(part)), -1):
+            number = int(np.abs(time - part.time[k]).argmin())
+            assert np.array_equal(part.contacts.at(k)["impulse"], whole.at(number)["impulse"])
+            assert set(part.contacts.at(k)["time"]) <= {part.time[k]}
+    of_ball = sliding.sel(body="b").contacts
+    slips = whole.where(np.asarray(whole["status"]) == 2)
+    for chosen, good in (
+        (of_ball, lambda t: (t["body"] == 1).any(axis=1)),
+        (slips, lambda t: t["status"] == 2),
+    ):
+        frames = [chosen.at(k) for k in range(len(time))]
+        assert all(np.asarray(good(frame)).all() for frame in frames)
+        assert 0 < sum(map(len, frames)) == len(chosen) < len(whole)
+    one = whole.at(20)
+    assert len(one.at(0)) == len(one) > len(one.between("b").at(-1)) > 0
+
+
+def test_a_frame_that_a_part_does_not_have(sliding: carom.Result) -> None:
+    part = sliding.sel(time=slice(0.01, 0.02)).contacts
+    for table, frame, told in (
+        (part, 11, "no frame 11 among 11 frames; give one of -11 to 10"),
+        (part, 1.5, "no frame 1.5"),
+        (sliding.sel(time=slice(0.0101, 0.0102)).contacts, 0, "among 0 frames; there are none"),
+        (sliding.contacts.at(3), 1, "no frame 1 among 1 frame; give one of -1 to 0"),
+    ):
+        with pytest.raises(IndexError, match=told) as caught:
+            table.at(frame)  # type: ignore[arg-type]
+        assert isinstance(caught.value, CaromError)
+    with pytest.raises(CaromError, match="rows of the whole table"):
+        _ = part.ends
 
 
 def test_momentum_and_energy_by_ball(result: carom.Result) -> None:

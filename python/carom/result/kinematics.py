@@ -299,8 +299,7 @@ class Selection(Frames[F64]):
     @property
     def contacts(self) -> Contacts:
         """The contacts of these balls in these frames."""
-        table = self._of_these(self._result.contacts)
-        return table.where(np.isin(np.asarray(table["frame"]), self._frames))
+        return self._of_these(self._result.contacts.of_frames(self._frames))
 
     @property
     def steps(self) -> Steps:

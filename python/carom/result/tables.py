@@ -11,6 +11,7 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.errors import CaromError, counted, did_you_mean, extra
+from carom.numeric import is_whole
 from carom.result.record import Record
 from carom.result.record.layout import MEANINGS
 
@@ -25,6 +26,10 @@ class UnknownName(CaromError, KeyError):
     """A body, wall or column that is not there: a `KeyError` whose text reads as a sentence."""
 
     __str__ = CaromError.__str__
+
+
+class NoFrame(CaromError, IndexError):
+    """A frame that is not there."""
 
 
 class Named(Mapping[str, V]):
@@ -190,29 +195,63 @@ class Impulses(_Pairs):
 
 
 class Contacts(_Pairs):
-    """One row per frame and contact; `frame` and `time` say which frame, `at(frame)` gives the rows of one."""
+    """One row per frame and contact; `frame` and `time` say which frame of the run, `at(k)` gives the rows of one."""
 
     name = "contacts"
+
+    def __init__(
+        self,
+        segments: Record,
+        names: Sequence[str],
+        rows: Array | None = None,
+        frames: Array | None = None,
+    ) -> None:
+        super().__init__(segments, names, rows)
+        self._frames = frames  # numbers in the run of the frames that `at` counts, or None for all
 
     @property
     def ends(self) -> Array:
         """Rows of each frame end here, (T,): those of frame k of the whole table are `ends[k - 1]` to `ends[k]`."""
-        return np.asarray(self._segments.column("frames", "contact_end"))
+        if self._chosen is not None:
+            raise CaromError("contacts: `ends` counts rows of the whole table; of chosen rows take at(k)")
+        return self._ends()
 
-    def at(self, frame: int) -> Contacts:
-        """The contacts of one frame (negative counts from the end)."""
-        ends = np.asarray(self._segments.column("frames", "contact_end"))
-        frame = range(len(ends))[frame]
-        start = int(ends[frame - 1]) if frame else 0
-        return Contacts(
-            self._segments, [str(n) for n in self._names[:-1]], np.arange(start, int(ends[frame]))
-        )
+    def at(self, frame: int) -> Self:
+        """Those of these contacts that are of one frame (negative counts from the end). Of a part of a result made by
+        `sel`, frame k is the k-th of the part.
+        """
+        ends = self._ends()
+        frames = np.arange(len(ends)) if self._frames is None else self._frames
+        if not is_whole(frame) or not -len(frames) <= frame < len(frames):
+            allowed = f"give one of {-len(frames)} to {len(frames) - 1}" if len(frames) else "there are none"
+            raise NoFrame(
+                f"contacts: there is no frame {frame} among {counted(len(frames), 'frame')}; {allowed}"
+            )
+        number = int(frames[frame])
+        start, end = int(ends[number - 1]) if number else 0, int(ends[number])
+        chosen = self._chosen
+        rows = np.arange(start, end) if chosen is None else chosen[(chosen >= start) & (chosen < end)]
+        return self._of_frames(rows, np.array([number]))
+
+    def of_frames(self, frames: Array) -> Self:
+        """Those of several frames of the run, which `at` then counts in the order given."""
+        rows = np.flatnonzero(np.isin(self._frame(), frames))
+        return self._of_frames(rows if self._chosen is None else self._chosen[rows], frames)
+
+    def _of_frames(self, rows: Array, frames: Array | None) -> Self:
+        return type(self)(self._segments, [str(n) for n in self._names[:-1]], rows, frames)
+
+    def _with_rows(self, rows: Array) -> Self:
+        return self._of_frames(rows, self._frames)
+
+    def _ends(self) -> Array:
+        return np.asarray(self._segments.column("frames", "contact_end")).astype(np.int64)
 
     def _derived(self) -> Mapping[str, Callable[[], Any]]:
         return {**super()._derived(), "frame": self._frame, "time": self._time}
 
     def _frame(self) -> Array:
-        ends = np.asarray(self._segments.column("frames", "contact_end")).astype(np.int64)
+        ends = self._ends()
         rows = np.arange(self._all_rows()) if self._chosen is None else self._chosen
         frames = np.searchsorted(ends, rows, side="right")
         if frames.size and frames.max() >= len(ends):
