@@ -12,7 +12,7 @@ import carom
 import numpy as np
 import pytest
 from carom import CaromError
-from carom.result.kinematics import chosen_frames
+from carom.result.selection import chosen_frames
 
 ROOT = Path(__file__).parent.parent
 pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
@@ -89,9 +89,9 @@ def test_the_ways_to_say_which(result: carom.Result) -> None:
     for wrong, said in (
         ({"body": "bal1"}, "did you mean ball1"),
         ({"body": 7}, "there are 5"),
-        ({"time": 1.0}, "outside of the run"),
+        ({"time": 1.0}, "outside of the frames"),
         ({"time": "1"}, "numbers in s"),
-        ({"time": float("nan")}, "outside of the run"),
+        ({"time": float("nan")}, "outside of the frames"),
         ({"body": slice(0.5, 2)}, "names or numbers"),
         ({"body": [["ball1"]]}, "no body is called"),
         ({"time": slice(0, 1, 0.1)}, "counts frames"),
@@ -154,6 +154,82 @@ def test_a_frame_that_a_part_does_not_have(sliding: carom.Result) -> None:
         assert isinstance(caught.value, CaromError)
     with pytest.raises(CaromError, match="rows of the whole table"):
         _ = part.ends
+
+
+def test_walls_and_joints_of_a_part(sliding: carom.Result) -> None:
+    """Their rows are those of the result in these frames: what is since the last frame is since that of the run."""
+    part = sliding.sel(time=slice(0.01, None, 10), body="b")
+    rows = [10, 20, 30, 40, 50]
+    whole, wall = sliding.walls["floor"], part.walls["floor"]
+    rowed = ("time", "position", "orientation", "present", "impulse", "angular_impulse", "force", "torque")
+    for name in rowed:
+        assert np.array_equal(getattr(wall, name), np.asarray(getattr(whole, name))[rows]), name
+    assert (wall.force[:, 2] < 0).all()
+    assert np.array_equal(part.joint_impulse, np.asarray(sliding.joint_impulse)[rows])
+    assert list(part.walls) == sliding.wall_names
+    assert len(part.residuals.where(part.residuals["step"] < 10)) == 0 < len(part.residuals)
+    assert len(part.events) == len(part.transitions) == len(part.impulses) == 0  # as of the result
+    assert part.box(0) is None
+
+
+def test_clumps_of_a_part() -> None:
+    scene = carom.Scene("clumps", run={"until": 0.02, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.0)
+    for name, x in (("one", 0.0), ("two", 1.0)):
+        spheres = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]]
+        scene.clump(
+            name, spheres=spheres, mass=1.0, position=(x, 0, 0), angular_velocity=(1, 2, 3), material="m"
+        )
+    result = carom.simulate(scene)
+    part = result.sel(time=[0.02, 0.0], body=result.clumps["two"].balls[0])
+    assert list(part.clumps) == ["two"]
+    whole, clump = result.clumps["two"], part.clumps["two"]
+    for name in ("time", "present", "position", "orientation", "origin", "velocity", "angular_momentum"):
+        assert np.array_equal(getattr(clump, name), np.asarray(getattr(whole, name))[[20, 0]]), name
+    assert (clump.balls, clump.mass) == (whole.balls, whole.mass)
+
+
+def test_tables_of_what_happens_are_cut_too() -> None:
+    scene = carom.Scene("leaves", run={"until": 0.5, "step": 1e-3, "method": "events"}, gravity=(0, 0, 0))
+    for name, v in (("first", 2.0), ("second", 1.0), ("stays", 0.0)):
+        scene.sphere(name, radius=0.01, mass=1.0, at=(0, v, 0), velocity=(v, 0, 0), material="m")
+    scene.contact("m", "m", friction=0, restitution=1)
+    scene.outlet(low=(0.2, 0, -1), high=(9, 9, 1))
+    result = carom.simulate(scene)
+    assert list(result.events["ball"]) == ["first", "second"]
+    for time, body, left in (
+        (slice(0.05, 0.15), None, ["first"]),
+        (None, ["second", "stays"], ["second"]),
+        (slice(0.05, 0.15), "second", []),
+    ):
+        part = result.sel(time, body)
+        assert list(part.events["ball"]) == [name for name, _ in part.events.left()] == left
+        assert len(part.transitions) == len(left)
+
+
+def test_a_part_of_a_part(sliding: carom.Result) -> None:
+    part = sliding.sel(time=slice(0.01, 0.04), body=["c", "a"])
+    again = part.sel(time=slice(None, None, 10), body="a")
+    assert np.array_equal(again.position, np.asarray(sliding.position)[[10, 20, 30, 40]][:, [0]])
+    assert len(again.contacts.at(1)) == len(sliding.contacts.at(20).between("a"))
+    backwards = sliding.sel(time=[0.03, 0.01, 0.02]).sel(time=[0.0101, 0.0299])
+    assert backwards.time.tolist() == pytest.approx([0.01, 0.03])
+    for wrong, told in (({"body": "b"}, "no body is called 'b'"), ({"time": 0.0}, "times from 0.01 to 0.04")):
+        with pytest.raises(CaromError, match=told):
+            part.sel(**wrong)  # type: ignore[arg-type]
+
+
+def test_what_a_part_does_not_have(sliding: carom.Result) -> None:
+    part = sliding.sel(body="a")
+    for name in ("save", "export", "plot", "view", "scene", "wall_names", "path"):
+        with pytest.raises(AttributeError, match=f"no attribute '{name}'; take it from the whole result"):
+            getattr(part, name)
+    with pytest.raises(AttributeError, match="start, stop and every choose frames"):
+        _ = part.export  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match=r"no attribute 'walks'$"):
+        _ = part.walks  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match="without sel"):
+        carom.granular.snapshot(part)  # type: ignore[arg-type]
 
 
 def test_momentum_and_energy_by_ball(result: carom.Result) -> None:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Array, Bool
 from carom.result.record.clumps import COLUMNS
 from carom.result.tables import Named
 from carom.scene.assembly.rotations import inverse, product, rotated, rotated_back
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 class Clump:
     """One clump of a result: `result.clumps["rod"].position` is (T, 3)."""
 
-    def __init__(self, result: RunData, index: int, facts: Mapping[str, Any]) -> None:
-        self._result = result
+    def __init__(
+        self, result: RunData, index: int, facts: Mapping[str, Any], frames: slice | Array = slice(None)
+    ) -> None:
+        self._result, self._facts, self._frames = result, facts, frames
         self.index = index
         """Number among the clumps."""
         self.name = str(facts["name"])
@@ -39,6 +41,10 @@ class Clump:
         """Unit quaternion, scalar part first, (4,): principal axes to own axes."""
         self.centre: F64 = np.asarray(facts["centre"], dtype=np.float64)
         """Centre of mass in own axes, (3,), m."""
+
+    def chosen(self, frames: Array) -> Clump:
+        """The same clump with rows of some frames of the run only."""
+        return Clump(self._result, self.index, self._facts, frames)
 
     @property
     def balls(self) -> list[str]:
@@ -55,12 +61,12 @@ class Clump:
     @property
     def time(self) -> Any:
         """Times of the frames, (T,), s."""
-        return self._result.time
+        return self._result.time[self._frames]
 
     @property
     def present(self) -> Bool:
         """Whether it is there, (T,): always, unless the scene has outlets."""
-        return np.asarray(self._result.present[:, self.numbers[0]])
+        return np.asarray(self._result.present[:, self.numbers[0]])[self._frames]
 
     @property
     def position(self) -> F64:
@@ -109,8 +115,8 @@ class Clump:
         return np.asarray(0.5 * self.mass * (self.velocity**2).sum(axis=1) + self.rotational_energy)
 
     def _columns(self, first: int, end: int) -> F64:
-        found: F64 = np.asarray(self._result._segments.column("frames", "clumps")[:, self.index, first:end])
-        return found
+        column = self._result._segments.column("frames", "clumps")
+        return np.asarray(column[:, self.index, first:end])[self._frames]
 
     def __repr__(self) -> str:
         return f"<clump {self.name!r}: {len(self.numbers)} balls, mass {self.mass:g} kg, {len(self.time)} frames>"
@@ -137,6 +143,11 @@ class Clumps(Named[Clump]):
         super().__init__(
             {name: Clump(result, k, row) for k, (name, row) in enumerate(zip(names, rows, strict=True))}
         )
+
+    def chosen(self, frames: Array, bodies: Array) -> Self:
+        """Those of which a ball is among some of the run, with rows of some frames only."""
+        mine = {name: clump for name, clump in self.items() if np.isin(clump.numbers, bodies).any()}
+        return self._with({name: clump.chosen(frames) for name, clump in mine.items()})
 
 
 def _check(result: RunData, table: Mapping[str, Any], count: int) -> None:

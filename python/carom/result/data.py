@@ -23,9 +23,10 @@ from carom.errors import CaromError, counted
 from carom.result.boxes import Boxes
 from carom.result.clumps import Clumps
 from carom.result.directory import RunDir, temporary
-from carom.result.kinematics import Frames, Part, Selection, chosen_bodies, chosen_frames
+from carom.result.kinematics import Frames, Part
 from carom.result.record import Column, Memory, Record, Segments, Writer
 from carom.result.run_json import checked
+from carom.result.selection import Selection
 from carom.result.tables import (
     Contacts,
     Energy,
@@ -313,15 +314,14 @@ class RunData(Frames[Column]):
     # What can be done with it.
 
     def sel(self, time: Any = None, body: Any = None) -> Selection:
-        """Some frames and some balls, with the same names for what they have.
+        """Some frames and some balls, with the same names for what they have. A part has no figures, pages and files.
 
         `time` is a slice in s, of which both ends count (`slice(0.1, 0.5)`, every tenth frame of them
         `slice(0.1, 0.5, 10)`), or one or several times, of which the nearest frames are taken. `body` is a name or a
         number, several of them, or a slice (`slice("ball1", "ball4")`, of names both ends count):
         `result.sel(slice(0, 1), ["cue", "ball8"]).velocity`.
         """
-        frames = chosen_frames(np.asarray(self.time), time)
-        return Selection(self, frames, chosen_bodies(self.names, body))
+        return Selection.of(self, time, body)
 
     def save(self, path: str | Path, *, force: bool = False) -> Self:
         """Write a result that was simulated without `out` to a run directory, or copy its own; returns the copy."""

@@ -1,26 +1,22 @@
-"""`Frames`: what follows from the motion alone, of a whole result or of a part of one (`Result.sel`)."""
+"""`Frames`: what follows from the motion alone, of a whole result or of a part of one (`carom.result.selection`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carom.arrays import F64, I64, Array, Bool
-from carom.errors import CaromError, counted, did_you_mean, extra
-from carom.numeric import is_number, is_whole
-from carom.result.tables import Contacts, Energy, Impacts, Static, Steps, UnknownName
+from carom.arrays import F64, I64
+from carom.errors import did_you_mean, extra
+from carom.result.tables import Impacts, UnknownName
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
     from carom.result.clumps import Clump
-    from carom.result.data import RunData
 
-_Pairs = TypeVar("_Pairs", Impacts, Contacts)
 A = TypeVar("A")
 """An array, or a column that acts as one."""
 
@@ -270,137 +266,3 @@ class Body(Motion[F64]):
         return (
             f"<body {self.name!r}: radius {self.radius:g} m, mass {self.mass:g} kg, {len(self.time)} frames>"
         )
-
-
-class Selection(Frames[F64]):
-    """Some frames and some balls of a result. Arrays are read when they are asked for."""
-
-    def __init__(self, result: RunData, frames: NDArray[np.intp], bodies: NDArray[np.intp]) -> None:
-        self._result, self._frames, self._bodies = result, frames, bodies
-        table = result.bodies
-        self.bodies = Static({column: np.asarray(table[column])[bodies] for column in table.columns})
-        self.title, self.gravity, self.versions = result.title, result.gravity, result.versions
-
-    @property
-    def time(self) -> F64:
-        """Times of the frames, (T,), s."""
-        return np.asarray(self._result.time)[self._frames]
-
-    @property
-    def step(self) -> Array:
-        """Steps after which the frames were taken, (T,)."""
-        return np.asarray(self._result.step)[self._frames]
-
-    @property
-    def impacts(self) -> Impacts:
-        """The impacts of these balls from the first to the last of these frames."""
-        return self._of_these(self._result.impacts)
-
-    @property
-    def contacts(self) -> Contacts:
-        """The contacts of these balls in these frames."""
-        return self._of_these(self._result.contacts.of_frames(self._frames))
-
-    @property
-    def steps(self) -> Steps:
-        """The steps from the first to the last of these frames."""
-        table = self._result.steps
-        return table.where(self._within(table["time"]))
-
-    @property
-    def energy(self) -> Energy:
-        """Energies of all balls after these steps, (S,), J; of single balls see `kinetic_energy`."""
-        return Energy(self.steps)
-
-    def _parts(self) -> list[Part]:
-        return [part.chosen(self._frames, self._bodies) for part in self._result._parts()]
-
-    def _table_number(self, index: int) -> int:
-        """The number that a body has in tables, from its place in the arrays of this part."""
-        return int(self._bodies[index])
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def __repr__(self) -> str:
-        names = self.names
-        shown = ", ".join(names[:4]) + (f", ... ({len(names)})" if len(names) > 4 else "")
-        span = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "no frames"
-        return f"<part of {self._result.label!r}: {counted(len(self), 'frame')}, {span}; {shown}>"
-
-    def _quantity(self, quantity: str) -> Array:
-        # The rows between are read in one piece: of a long file only what is needed, of a short one what is there already.
-        if not len(self._frames):
-            return np.asarray(getattr(self._result, quantity)[0:0])[:, self._bodies]
-        low, high = int(self._frames.min()), int(self._frames.max())
-        rows = np.asarray(getattr(self._result, quantity)[low : high + 1])
-        return rows[self._frames - low][:, self._bodies]
-
-    def _within(self, times: Any) -> Bool:
-        times, mine = np.asarray(times), self.time
-        if not len(mine):
-            return np.zeros(len(times), dtype=bool)
-        return np.asarray((times >= mine.min()) & (times <= mine.max()))
-
-    def _of_these(self, table: _Pairs) -> _Pairs:
-        mine = np.isin(np.asarray(table["body"]), self._bodies).any(axis=1)
-        return table.where(mine & self._within(table["time"]))
-
-
-def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
-    """Indices of the frames: of a slice of times (both ends count), of the times nearest to those given, or all (None)."""
-    if wanted is None:
-        return np.arange(len(time))
-    if isinstance(wanted, slice):
-        if wanted.step is not None and (isinstance(wanted.step, float) or wanted.step < 1):
-            raise CaromError("sel: the step of a slice of times counts frames, as time=slice(0.1, 0.5, 10)")
-        slack = 1e-9 * (float(time[-1]) if len(time) else 0.0)
-        low = -np.inf if wanted.start is None else _seconds(wanted.start) - slack
-        high = np.inf if wanted.stop is None else _seconds(wanted.stop) + slack
-        return np.flatnonzero((time >= low) & (time <= high))[:: wanted.step]
-    given = np.atleast_1d(np.asarray([_seconds(t) for t in np.atleast_1d(wanted)], dtype=np.float64))
-    if not len(time):
-        raise CaromError("sel: there are no frames yet")
-    outside = given[~((given >= time[0] - 1e-9) & (given <= time[-1] * (1 + 1e-9) + 1e-12))]
-    if len(outside):
-        raise CaromError(f"sel: {outside[0]:g} s is outside of the run, {time[0]:g} to {time[-1]:g} s")
-    after = np.clip(np.searchsorted(time, given), 1, max(1, len(time) - 1))
-    before = after - 1
-    after = np.minimum(after, len(time) - 1)
-    return np.where(np.abs(time[before] - given) <= np.abs(time[after] - given), before, after)
-
-
-def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
-    """Indices of the balls: of one name or several, of a slice of names or numbers, of numbers, or all (None)."""
-    if wanted is None:
-        return np.arange(len(names))
-    if isinstance(wanted, slice):
-        start, stop = wanted.start, wanted.stop
-        for end in (start, stop, wanted.step):
-            if end is not None and not (isinstance(end, str) or is_whole(end)):
-                raise CaromError(
-                    f'sel: a slice of bodies is of names or numbers, as slice("a", "c"), found {end!r}'
-                )
-        start = _number(names, start) if isinstance(start, str) else start
-        stop = _number(names, stop) + 1 if isinstance(stop, str) else stop  # of names both ends count
-        return np.arange(len(names))[start : stop : wanted.step]
-    several = list(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, str) else [wanted]
-    known = {name: i for i, name in enumerate(names)}
-    return np.array([_number(names, name, known) for name in several], dtype=np.intp)
-
-
-def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None = None) -> int:
-    if is_whole(wanted):
-        if not -len(names) <= wanted < len(names):
-            raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
-        return range(len(names))[int(wanted)]
-    known = {name: i for i, name in enumerate(names)} if known is None else known
-    if not isinstance(wanted, str) or wanted not in known:
-        raise UnknownName(f"no body is called {wanted!r}; {did_you_mean(str(wanted), list(names)[:20])}")
-    return known[wanted]
-
-
-def _seconds(value: Any) -> float:
-    if not is_number(value):
-        raise CaromError(f"sel: times are numbers in s, found {value!r}")
-    return float(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -32,6 +33,14 @@ class NoFrame(CaromError, IndexError):
     """A frame that is not there."""
 
 
+def frame_number(owner: str, frame: int, frames: int) -> int:
+    """The number from 0 of one of so many frames; negative ones count from the end."""
+    if not is_whole(frame) or not -frames <= frame < frames:
+        allowed = f"give one of {-frames} to {frames - 1}" if frames else "there are none"
+        raise NoFrame(f"{owner}: there is no frame {frame} among {counted(frames, 'frame')}; {allowed}")
+    return range(frames)[int(frame)]
+
+
 class Named(Mapping[str, V]):
     """Things by name, in their order; `what` is said of one of them in messages."""
 
@@ -55,6 +64,12 @@ class Named(Mapping[str, V]):
 
     def __repr__(self) -> str:
         return f"<{counted(len(self), self.what)}: {', '.join(self)}>"
+
+    def _with(self, things: Mapping[str, V]) -> Self:
+        """Others of the same kind."""
+        found = copy(self)
+        found._things = dict(things)
+        return found
 
 
 class Table:
@@ -222,12 +237,7 @@ class Contacts(_Pairs):
         """
         ends = self._ends()
         frames = np.arange(len(ends)) if self._frames is None else self._frames
-        if not is_whole(frame) or not -len(frames) <= frame < len(frames):
-            allowed = f"give one of {-len(frames)} to {len(frames) - 1}" if len(frames) else "there are none"
-            raise NoFrame(
-                f"contacts: there is no frame {frame} among {counted(len(frames), 'frame')}; {allowed}"
-            )
-        number = int(frames[frame])
+        number = int(frames[frame_number("contacts", frame, len(frames))])
         start, end = int(ends[number - 1]) if number else 0, int(ends[number])
         chosen = self._chosen
         rows = np.arange(start, end) if chosen is None else chosen[(chosen >= start) & (chosen < end)]

@@ -9,11 +9,11 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from carom.arrays import F64, Bool
+from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError, quoted
 from carom.result.record.opening import DAMAGED
 from carom.result.record.untrusted import first_line
@@ -142,9 +142,14 @@ class Wall:
     """One wall of a result: `result.walls["drum"].torque` is (T, 3)."""
 
     def __init__(
-        self, result: RunData, index: int, facts: Mapping[str, Any], mesh: Triangles | None = None
+        self,
+        result: RunData,
+        index: int,
+        facts: Mapping[str, Any],
+        mesh: Triangles | None = None,
+        frames: slice | Array = slice(None),
     ) -> None:
-        self._result = result
+        self._result, self._frames = result, frames
         self.mesh = mesh
         """Of a mesh its triangles where they are at the start: `vertices` (V, 3), m, and `corners` (T, 3)."""
         self.index = index
@@ -168,7 +173,11 @@ class Wall:
         """Those of a free wall; free walls are the first ones."""
         column = np.asarray(self._result._segments.column("frames", "free_walls")[:, self.index])
         normal = np.asarray(self.facts["normal"], dtype=np.float64)
-        return FreePoses(normal, np.asarray(self.time), column[:, 0], column[:, 1])
+        return FreePoses(normal, np.asarray(self._result.time), column[:, 0], column[:, 1])
+
+    def chosen(self, frames: Array) -> Wall:
+        """The same wall with rows of some frames of the run only; what is since the last frame stays so."""
+        return Wall(self._result, self.index, self.facts, self.mesh, frames)
 
     @property
     def is_free(self) -> bool:
@@ -180,13 +189,13 @@ class Wall:
         """Velocity of a free wall along its normal, (T,), m/s."""
         if not self.is_free:
             raise CaromError(f"wall {quoted(self.name)} is not free; its motion is that of the scenario")
-        found: F64 = np.asarray(self._result._segments.column("frames", "free_walls")[:, self.index, 1])
-        return found
+        column = self._result._segments.column("frames", "free_walls")
+        return np.asarray(column[:, self.index, 1])[self._frames]
 
     @property
     def time(self) -> Any:
         """Times of the frames, (T,), s."""
-        return self._result.time
+        return self._result.time[self._frames]
 
     @cached_property
     def position(self) -> F64:
@@ -253,13 +262,12 @@ class Wall:
                 f"the forces on wall {quoted(self.name)} were not recorded;"
                 " run again with `walls = true` in [record], or carom.simulate(..., walls=True)"
             )
-        found: F64 = segments.column("frames", "walls")[:, self.index]
-        return found
+        return np.asarray(segments.column("frames", "walls")[:, self.index])[self._frames]
 
     def _intervals(self) -> F64:
-        """Time since the last frame, (T, 1), s."""
-        time = np.asarray(self.time)
-        return np.diff(time, prepend=np.nan)[:, np.newaxis]
+        """Time since the last frame of the run, (T, 1), s."""
+        time = np.asarray(self._result.time)
+        return np.diff(time, prepend=np.nan)[self._frames, np.newaxis]
 
     def __repr__(self) -> str:
         how = "free" if self.is_free else "moving" if self.motion.moves else "fixed"
@@ -285,3 +293,7 @@ class Walls(Named[Wall]):
         super().__init__(
             {str(row["name"]): Wall(result, i, row, (meshes or {}).get(i)) for i, row in enumerate(rows)}
         )
+
+    def chosen(self, frames: Array) -> Self:
+        """The same walls with rows of some frames of the run only."""
+        return self._with({name: wall.chosen(frames) for name, wall in self.items()})
