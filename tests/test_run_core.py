@@ -13,6 +13,7 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from carom.audit.rerun import rerun
 from carom.cli.examples import find
 from carom.result.record.layout import TABLES
 from hypothesis import given, settings
@@ -72,6 +73,21 @@ def test_an_extension_keeps_the_grid_of_frames(breaks: carom.Scene, tmp_path: Pa
     carom.resume(tmp_path / "parts", until=2.0)
     simulate(breaks, until=2.0, every=2, out=tmp_path / "whole")
     assert everything(tmp_path / "parts") == everything(tmp_path / "whole")
+
+
+def test_an_extension_says_that_it_has_many_more_frames_than_a_new_run(
+    breaks: carom.Scene, tmp_path: Path
+) -> None:
+    """`every` was chosen for the first end; an extension has it too, and a repetition finds the same bits."""
+    simulate(breaks, until=0.2, step=1e-3, every=None, out=tmp_path / "run")
+    with pytest.warns(carom.CaromWarning, match=r"frames stay 1 step .*: 3001 of them to t = 3 s; a new"):
+        carom.resume(tmp_path / "run", until=3.0)
+    [repeated] = rerun(tmp_path / "run")
+    assert repeated.ok
+    log = (tmp_path / "run" / "log.jsonl").read_text()
+    assert log.count("with every = 3 has 1001") == 1
+    carom.resume(tmp_path / "run", until=3.5)  # it was said already
+    assert (tmp_path / "run" / "log.jsonl").read_text().count("frames stay") == 1
 
 
 LONG = ["--set", "step=1e-5", "--set", "every=20"]

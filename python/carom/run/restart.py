@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from carom import _core
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, counted, did_you_mean
 from carom.result.directory import RunDir
 from carom.result.record import Rows, Segments
 from carom.run import changes, checkpoint
 from carom.run.checkpoint import Checkpoint
+from carom.scene.plan import Plan, thinned
 
 #: What `carom resume --checkpoint` and `carom.resume(checkpoint=...)` take.
 CHOICES = ("newest", "previous", "start")
@@ -128,6 +129,17 @@ def _free(path: Path) -> Path:
     """`path`, or with the first number from 2 on that makes it the name of nothing: what was put aside stays."""
     numbered = (path.with_name(f"{path.name}{n}") for n in itertools.count(2))
     return next(name for name in itertools.chain([path], numbered) if not os.path.lexists(name))
+
+
+def of_frames(old: Plan, new: Plan) -> list[str]:
+    """What the user should know of an extension: it keeps the steps between frames, which were chosen for fewer steps."""
+    if old.is_crowded or not new.is_crowded:
+        return []
+    apart, every = counted(new.every, "step"), thinned(new.steps)
+    return [
+        f"frames stay {apart} apart, as in the run so far: {new.frames + 1} of them to t = {new.until:g} s;"
+        f" a new run with every = {every} has {new.steps // every + 1}"
+    ]
 
 
 def remarks(chosen: Checkpoint | None, wish: Wish) -> list[str]:

@@ -289,7 +289,7 @@ def relaunch(
         aside = restart.put_aside(directory, saved, wish)
         if aside:
             directory.log("put aside", files=aside)
-        for remark in restart.remarks(saved, wish):
+        for remark in [*restart.remarks(saved, wish), *restart.of_frames(_plan(old), run.plan)]:
             wish.tell(remark)
             directory.log("remark", message=remark)
         if wish.anew:  # those of the old results, which are put aside
@@ -317,6 +317,11 @@ def _restore(simulation: Simulation, saved: checkpoint.Checkpoint) -> None:
         raise CaromError(f"the checkpoint of step {saved.step} does not fit this Carom: {error}") from error
 
 
+def _plan(scene: Scene) -> Plan:
+    assert scene.run.until is not None
+    return Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts)
+
+
 class Run:
     """A scene in the core with the plan of its run, and what `run.json` says of it; the scene is a copy of its own."""
 
@@ -328,7 +333,7 @@ class Run:
         self.model = scene.to_model()
         release_early(len(self.model["radius"]))
         self.simulation = begin(self.model)
-        self.plan = Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts)
+        self.plan = _plan(scene)
         # The frames are thinned once and for all: a run that is extended keeps its grid.
         self.scene = scene.resolved()
         self.scene.record.every = self.plan.every

@@ -32,13 +32,23 @@ class Plan:
         """Where the last step is no frame of the grid, it is computed by itself and framed: results then end at `until`."""
         return self.steps - bool(self.every and self.steps % self.every)
 
+    @property
+    def frames(self) -> int:
+        """Frames of the grid after that of the start."""
+        return self.steps // self.every
+
+    @property
+    def is_crowded(self) -> bool:
+        """Whether it keeps more than twice the frames of a plan without `every`."""
+        return self.frames > 2 * (self.steps // thinned(self.steps))
+
     def frame_bytes(self, bodies: int) -> int:
         """About the bytes of a frame: states, and about three contacts a body."""
         return bodies * (104 + (3 * 250 if self.contacts else 0))
 
     def refuse_to_fill_memory(self, bodies: int) -> None:
         """Raise where frames and the table of steps are more than memory should hold."""
-        size = self.steps // self.every * self.frame_bytes(bodies) + self.steps * STEP_BYTES
+        size = self.frames * self.frame_bytes(bodies) + self.steps * STEP_BYTES
         if size > MOST_BYTES:
             raise CaromError(
                 f"a result of about {size / 1024**3:.0f} GiB is not kept in memory (at most {MOST_BYTES >> 30} GiB); write"
