@@ -11,16 +11,30 @@ from collections.abc import Sequence
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process: 0 done, 2 bad input, 3 solver not converged, 130 interrupted."""
+    from carom.cli.process import flushed, reopen
+
+    reopen()
     try:
-        from carom.cli.app import app
+        code = _called(list(sys.argv[1:] if arguments is None else arguments))
     except KeyboardInterrupt:
-        sys.exit(130)
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        code = app(args=given, prog_name="carom", standalone_mode=False)
-    except Exception as error:
-        code = _misused(error, as_json="--json" in given)
-    sys.exit(code or 0)
+        code = 130
+    sys.exit(flushed(code))
+
+
+def _called(given: list[str]) -> int:
+    from carom.cli.app import app
+    from carom.cli.process import printable, unwritable
+
+    with printable(output=False):
+        try:
+            try:
+                return app(args=given, prog_name="carom", standalone_mode=False) or 0
+            except OSError:
+                raise
+            except Exception as error:
+                return _misused(error, as_json="--json" in given)
+        except OSError as error:  # of help, or what is said of a misspelt line: commands let none out
+            return unwritable(error)
 
 
 def _misused(error: Exception, *, as_json: bool) -> int:

@@ -9,10 +9,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any, ParamSpec, TextIO
+from typing import Any, ParamSpec
 
 import typer
 
+from carom.cli.process import Unwritable, leave_at_once, printable, unwritable
 from carom.errors import CaromError, ScenarioError
 from carom.files import finite, json_bytes
 from carom.text import seconds as seconds
@@ -20,13 +21,6 @@ from carom.text import seconds as seconds
 P = ParamSpec("P")
 
 DONE, CRASH, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
-
-#: What a terminal would obey instead of showing it: control characters, and those that turn the direction of the text;
-#: and lone surrogates, which are no text: bytes of the names of files.
-CONTROLS = {
-    *range(32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A), *range(0xD800, 0xE000)
-} - {ord("\n"), ord("\t")}  # fmt: skip
-SHOWN = dict.fromkeys(CONTROLS, "\ufffd")
 
 #: Set to see where an error of Carom itself comes from.
 TRACEBACK = "CAROM_TRACEBACK"
@@ -37,8 +31,11 @@ def guarded(command: Callable[P, int | None]) -> Callable[P, None]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> None:
-        with _printable():
-            code = _run(command, *args, **kwargs)
+        with printable():
+            try:
+                code = _run(command, *args, **kwargs)
+            except Unwritable as error:
+                code = unwritable(error)
         _leave_at_once_if_broken(code)
         raise typer.Exit(code)
 
@@ -49,13 +46,10 @@ def _run(command: Callable[P, int | None], *args: P.args, **kwargs: P.kwargs) ->
     as_json = bool(kwargs.get("as_json"))
     try:
         code = command(*args, **kwargs) or DONE
-        sys.stdout.flush()
     except KeyboardInterrupt:
         code = fail("interrupted", INTERRUPTED, as_json)
-    except BrokenPipeError:
-        # The reader of our output has left (`carom info RUN | head`); nobody wants to hear of it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = DONE
+    except Unwritable:
+        raise
     except (ValueError, OSError, MemoryError) as error:
         if not isinstance(error, (CaromError, OSError, MemoryError)):
             code = _crashed(error, as_json)
@@ -66,37 +60,6 @@ def _run(command: Callable[P, int | None], *args: P.args, **kwargs: P.kwargs) ->
             raise  # usage errors, which typer explains itself
         code = _crashed(error, as_json)
     return code
-
-
-class Printable:
-    """A stream that shows text and obeys nothing in it: names in files of others may hold escape sequences."""
-
-    def __init__(self, raw: TextIO) -> None:
-        self.raw = raw
-
-    def write(self, text: str) -> int:
-        """Write `text` with a mark for each character that a terminal would obey, or that its encoding has not."""
-        coding = self.raw.encoding or "utf-8"
-        self.raw.write(text.translate(SHOWN).encode(coding, "replace").decode(coding))
-        return len(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.raw, name)
-
-
-def bare(stream: TextIO) -> TextIO:
-    """The stream below a `Printable` one, for a bar that moves on the terminal."""
-    return getattr(stream, "raw", stream) if isinstance(stream, Printable) else stream
-
-
-@contextmanager
-def _printable() -> Iterator[None]:
-    before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (Printable(bare(stream)) for stream in before)
-    try:
-        yield
-    finally:
-        sys.stdout, sys.stderr = before
 
 
 def fail(message: str, code: int, as_json: bool = False, **facts: Any) -> int:
@@ -121,13 +84,6 @@ def files(found: Iterable[Any], as_json: bool) -> None:
     """Say which files were written, a line each or as a document."""
     names = [str(file) for file in found]
     emit({"files": names}) if as_json else print("\n".join(names))
-
-
-def leave_at_once(code: int) -> None:
-    """End the process without what Python does at its end."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
 
 
 def _leave_at_once_if_broken(code: int) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from carom.cli.output import bare, note
+from carom.cli.output import note
+from carom.cli.process import bare
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichBar

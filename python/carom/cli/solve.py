@@ -17,10 +17,10 @@ from carom.cli.output import (
     NOT_CONVERGED,
     emit,
     guarded,
-    leave_at_once,
     note,
     terminated_as_interrupted,
 )
+from carom.cli.process import leave_at_once
 from carom.cli.progress import counting_bar
 from carom.errors import CaromError, did_you_mean
 
