@@ -1,9 +1,14 @@
-"""Commands whose standard output or standard error is closed or full: one line if there is a place for it, and a code."""
+"""Commands whose standard output or standard error is closed or full, and commands that are terminated: one line if there
+is a place for it, and a code.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import carom
@@ -65,3 +70,67 @@ def test_messages_that_cannot_be_written_are_left_out(run: Path) -> None:
         assert told(run, f"info run --json {to} | head -c 1", "") == ("", 0)
         for command in ("info nothing", "info", "info nothing --json >&-"):
             assert told(run, f"{command} {to}") == ("", 2), command
+
+
+SLOW = """
+import sys, time
+import carom.run.result as result
+def load(path):
+    print("slow", file=sys.stderr, flush=True)
+    time.sleep(60)
+result.load = load
+from carom.cli import main
+main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize("arguments", ["info run", "export run", "plot run --json"])
+def test_a_command_that_is_terminated_is_interrupted(run: Path, arguments: str) -> None:
+    program = [sys.executable, "-c", SLOW, *arguments.split()]
+    with subprocess.Popen(
+        program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=run
+    ) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "slow\n"
+        process.send_signal(signal.SIGTERM)
+        out, err = process.communicate(timeout=30)
+    assert (err, process.returncode) == ("carom: interrupted\n", 130)
+    assert ('"code": 130' in out) == ("--json" in arguments)
+
+
+STUDY = """
+format = 1
+scenario = "scenario.toml"
+[parameters]
+v = { low = 0.1, high = 0.4, count = 4000 }
+[set]
+"first.velocity.x" = "v"
+"""
+
+
+@pytest.mark.parametrize("seconds", [0.0, pytest.param(3.0, marks=pytest.mark.long)])
+def test_a_study_that_is_terminated_leaves_nothing_behind(run: Path, tmp_path: Path, seconds: float) -> None:
+    """Also while its workers begin, which dask cannot end: folder, processes and semaphores are gone."""
+    pytest.importorskip("distributed", reason="the extra [cluster] is not installed")
+    (run / "study.toml").write_text(STUDY, encoding="utf-8")
+    command = [sys.executable, "-m", "carom", "sweep", "study.toml", "-o", str(tmp_path / "out"), "-q"]
+    scratch = tmp_path / "tmp"
+    scratch.mkdir()
+    with subprocess.Popen(
+        [*command, "--workers", "2", "--no-plots"],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=run,
+        env=os.environ | {"TMPDIR": str(scratch)},
+    ) as process:
+        deadline = time.monotonic() + 60
+        while not list(scratch.glob("carom-dask-*")):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        time.sleep(seconds)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=60)
+    told = f"what was computed is in {tmp_path / 'out'}, and the same command goes on from there"
+    assert (err, process.returncode) == (f"carom: interrupted; {told}\ncarom: interrupted\n", 130)
+    assert list(scratch.iterdir()) == []

@@ -11,14 +11,15 @@ from collections.abc import Sequence
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process: 0 done, 2 bad input, 3 solver not converged, 130 interrupted."""
-    from carom.cli.process import flushed, reopen
+    from carom.cli.process import flushed, reopen, terminated_as_interrupted
 
     reopen()
     try:
-        code = _called(list(sys.argv[1:] if arguments is None else arguments))
+        with terminated_as_interrupted():
+            code = flushed(_called(list(sys.argv[1:] if arguments is None else arguments)))
     except KeyboardInterrupt:
         code = 130
-    sys.exit(flushed(code))
+    sys.exit(code)
 
 
 def _called(given: list[str]) -> int:

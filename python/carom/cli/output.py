@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import functools
 import os
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from typing import Any, ParamSpec
 
 import typer
@@ -116,24 +113,3 @@ def _crashed(error: BaseException, as_json: bool) -> int:
     return fail(
         f"error in Carom itself, please report it ({TRACEBACK}=1 shows where): {told}", CRASH, as_json
     )
-
-
-@contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the work as Ctrl-C does: nothing half written stays, and the processes end too.
-
-    SIGINT is set as well: a shell that starts a command in the background leaves it ignored.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    old = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)

@@ -1,10 +1,12 @@
-"""What a command needs of its process: standard streams that can be written, and what cannot be written said in one line."""
+"""What a command needs of its process: standard streams that can be written, and signals that end its work in order."""
 
 from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
@@ -123,3 +125,24 @@ def flushed(code: int) -> int:
 def leave_at_once(code: int) -> None:
     """End the process without what Python does at its end."""
     os._exit(flushed(code))
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the work as Ctrl-C does: nothing half written stays, and the processes end too.
+
+    SIGINT is set as well: a shell that starts a command in the background leaves it ignored.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    old = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)

@@ -16,7 +16,6 @@ from carom.cli.output import (
     guarded,
     note,
     seconds,
-    terminated_as_interrupted,
 )
 from carom.cli.progress import counting_bar
 from carom.errors import CaromError, did_you_mean
@@ -79,7 +78,7 @@ def reproduce(
         )
     # Processes all start at once; two for an example are as many as have work (its heavy parts, or its figures).
     workers = jobs or min(usable_processors(), 2 * len(chosen))
-    with terminated_as_interrupted(), folder.replacing(out, force=force) as directory:
+    with folder.replacing(out, force=force) as directory:
         with counting_bar(not (quiet or as_json)) as progress:
             drawing = Drawing(directory / folder.FIGURES, formats) if drawn else None
             report = run(chosen, Context(quick=quick), jobs=workers, drawing=drawing, progress=progress)

@@ -18,7 +18,6 @@ from carom.cli.output import (
     emit,
     guarded,
     note,
-    terminated_as_interrupted,
 )
 from carom.cli.process import leave_at_once
 from carom.cli.progress import counting_bar
@@ -116,19 +115,18 @@ def solve(
 
     done: list[Attempt] = []
     interrupted = False
-    with terminated_as_interrupted():
-        try:
-            with counting_bar(not (quiet or as_json)) as progress:
-                for attempt, found in _attempts(paths, names, how, repeat=repeat, rank=len(paths) == 1):
-                    done.append(attempt)
-                    if found is not None and solution is not None:
-                        found.to_fclib(solution)
-                    if progress is not None:
-                        what = " ".join([attempt.name, attempt.solver])
-                        progress(len(done), len(paths) * len(names), what)
-        except KeyboardInterrupt:
-            interrupted = True
-        written = [str(p) for p in solutions.write(done, names, out, formats)] if out is not None else []
+    try:
+        with counting_bar(not (quiet or as_json)) as progress:
+            for attempt, found in _attempts(paths, names, how, repeat=repeat, rank=len(paths) == 1):
+                done.append(attempt)
+                if found is not None and solution is not None:
+                    found.to_fclib(solution)
+                if progress is not None:
+                    what = " ".join([attempt.name, attempt.solver])
+                    progress(len(done), len(paths) * len(names), what)
+    except KeyboardInterrupt:
+        interrupted = True
+    written = [str(p) for p in solutions.write(done, names, out, formats)] if out is not None else []
     if solution is not None and done and done[0].solution is not None:
         written.append(str(solution))
     code, error = _verdict(done, len(paths), names[-1], interrupted)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import signal
 import tempfile
 import time
 import warnings
@@ -27,6 +28,7 @@ from carom.many.sweep import origin
 from carom.many.sweep.cases import Job, by, compute
 from carom.many.sweep.design import Design
 from carom.many.sweep.folder import Folder
+from carom.run.sinks import Interrupt
 
 #: Called after each piece with its number of cases and how many of them failed.
 Done = Callable[[int, int], None]
@@ -83,17 +85,23 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             scratch = stack.enter_context(
                 tempfile.TemporaryDirectory(prefix="carom-dask-", ignore_cleanup_errors=True)
             )
-            stack.enter_context(config.set({"distributed.worker.profile.enabled": False}))
-            cluster = _started(
-                partial(
-                    distributed.LocalCluster, n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                    dashboard_address=None, local_directory=scratch, memory_limit=0, silence_logs=logging.CRITICAL,
-                ),
-                "a worker died while it started, and the others are started again with it",
-                f"{workers} workers cannot be started; give fewer, or workers = 0 for this process alone (a script that"
-                ' calls carom.sweep needs `if __name__ == "__main__":` around the call)',
-            )  # fmt: skip
+            settings = {"distributed.worker.profile.enabled": False, "temporary-directory": scratch}
+            stack.enter_context(config.set(settings))
+            # Dask cannot end workers that only begin: a signal waits until they have.
+            halt = Interrupt()
+            with halt.listening(signal.SIGINT, signal.SIGTERM):
+                cluster = _started(
+                    partial(
+                        distributed.LocalCluster, n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+                        dashboard_address=None, local_directory=scratch, memory_limit=0, silence_logs=logging.CRITICAL,
+                    ),
+                    "a worker died while it started, and the others are started again with it",
+                    f"{workers} workers cannot be started; give fewer, or workers = 0 for this process alone (a script that"
+                    ' calls carom.sweep needs `if __name__ == "__main__":` around the call)',
+                )  # fmt: skip
             stack.callback(cluster.close)
+            if halt.signal is not None:
+                signal.raise_signal(halt.signal)
             yield stack.enter_context(distributed.Client(cluster))
             return
         client = _started(
