@@ -78,9 +78,9 @@ def compare(
         warnings.simplefilter("ignore", CaromWarning)  # told above
         found = compare_methods(
             described,
-            None if methods is None else listed(methods),
-            laws=None if laws is None else "all" if laws == "all" else listed(laws),
-            at=numbers(at or [], "what is no time in s", "--at 0.1,0.2"),
+            listed("--methods", methods) or None,
+            laws="all" if laws == "all" else listed("--laws", laws) or None,
+            at=numbers("--at", at or [], "what is no time in s", "--at 0.1,0.2"),
             out=out,
             force=force,
             progress=bar,

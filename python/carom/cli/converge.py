@@ -82,11 +82,11 @@ def converge(
     fine = number(reference)
     found = study_of(
         described,
-        numbers([steps], example="--steps 1e-2,5e-3"),
+        numbers("--steps", [steps], example="--steps 1e-2,5e-3"),
         fine if isinstance(fine, float) else reference,
-        listed(quantities) or None,
+        listed("--quantities", quantities) or None,
         until=described.run.until if until is not None else None,
-        at=numbers(at or [], example="--at 1e-2,5e-3"),
+        at=numbers("--at", at or [], example="--at 1e-2,5e-3"),
         threads=threads,
     )
     files = drawn(convergence, found, plot)

@@ -71,7 +71,7 @@ def export(
     from carom.export import FILMS, check_format
 
     result = loaded(run)
-    formats = listed(format_)
+    formats = listed("--format", format_)
     for name in formats:  # before anything is written
         check_format(name)
     named: dict[str, Any] = {"at": at, "speed": speed, "fps": fps, "width": width, "height": height}

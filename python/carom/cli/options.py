@@ -49,17 +49,24 @@ Set = Annotated[
 Formats = Annotated[str, option("--format", "FORMAT", "File formats: png, svg, pdf; several with commas.")]
 
 
-def listed(*texts: str | None) -> list[str]:
-    """What an option that takes several with commas was given, also more than once."""
-    return [part.strip() for text in texts for part in (text or "").split(",") if part.strip()]
+def listed(option: str, *texts: str | None) -> list[str]:
+    """What an option that takes several with commas was given, also more than once; none where it was not given."""
+    found = []
+    for text in filter(lambda text: text is not None, texts):
+        parts = [part.strip() for part in str(text).split(",") if part.strip()]
+        if not parts:
+            raise CaromError(f"{option}: {text!r} names nothing; name one or more, with commas between them")
+        found += parts
+    return found
 
 
 def numbers(
-    given: list[str], wrong: str = "a value that is not a number", example: str = "1e-2,5e-3"
+    option: str, given: list[str], wrong: str = "a value that is not a number", example: str = "1e-2,5e-3"
 ) -> list[float]:
     """The numbers of an option that takes several with commas; messages have what is `wrong`, and an `example`."""
+    parts = listed(option, *given)
     try:
-        return [float(part) for part in listed(*given)]
+        return [float(part) for part in parts]
     except ValueError:
         raise typer.BadParameter(f"{','.join(given)!r} holds {wrong}; write for example {example}") from None
 
@@ -68,7 +75,7 @@ def figure_formats(text: str) -> list[str]:
     """The formats of figures asked for."""
     from carom.show.plot import FORMATS
 
-    formats = listed(text)
+    formats = listed("--format", text)
     for given in formats:
         if given not in FORMATS:
             raise CaromError(f"--format: {given!r} is no format of a figure; {did_you_mean(given, FORMATS)}")

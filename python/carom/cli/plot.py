@@ -43,13 +43,13 @@ def plot(
     Example: carom plot runs/break-1 --what velocities --format pdf
     """
     result = loaded(run)
-    named = listed(*(what or ["all"]))
+    named = listed("--what", *(what or ["all"]))
     kinds = result.plot.available(step) if "all" in named else named
     drawn = result.plot.save(
         out or inside(result.path, "plots"),
         kinds,
-        formats=listed(format_),
-        bodies=listed(bodies) or None,
+        formats=listed("--format", format_),
+        bodies=listed("--bodies", bodies) or None,
         step=step,
         width=width,
     )

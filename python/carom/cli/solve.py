@@ -222,11 +222,11 @@ def _solvers(given: list[str]) -> list[str]:
     from carom.problem import solvers
 
     known = list(solvers())
-    names = listed(*given)
+    names = listed("--solver", *given)
     for name in names:
         if name not in [*known, "all"]:
             raise CaromError(f"--solver: none is called {name!r}; {did_you_mean(name, [*known, 'all'])}")
-    return known if "all" in names else list(dict.fromkeys(names)) or ["auto"]
+    return known if "all" in names else list(dict.fromkeys(names))
 
 
 def _formats(text: str) -> list[str]:

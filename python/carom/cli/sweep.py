@@ -84,7 +84,7 @@ def sweep(
             retry_failed=retry_failed,
             progress=bar,
         )
-    chosen = listed(columns)
+    chosen = listed("--columns", columns)
     files = [found.to_csv(csv, chosen)] if csv is not None else []
     files += figures(found, plots, columns=chosen) if found.ok.any() else []
     if as_json:

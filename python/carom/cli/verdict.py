@@ -102,8 +102,9 @@ def _row(verdict: Verdict) -> list[str]:
 
 def _threads(text: str | None) -> list[int] | None:
     """Numbers of threads, one if none are given; None where the text has none."""
+    parts = listed("--threads", "1" if text is None else text)
     try:
-        found = [int(part) for part in listed(text or "1")]
+        found = [int(part) for part in parts]
     except ValueError:
         return None
     return found if all(n > 0 for n in found) else None
