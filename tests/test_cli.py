@@ -24,7 +24,7 @@ from carom.reproduce.demo import Row, as_table
 from carom.run.sinks import Progress
 
 COMMANDS = ["demo", "run", "resume", "check", "plot", "view", "info", "schema", "doctor", "cite"]
-COMMANDS += ["compare", "converge", "reproduce", "solve", "examples list", "examples copy"]
+COMMANDS += ["play", "compare", "converge", "reproduce", "solve", "examples list", "examples copy"]
 
 
 class Answer(NamedTuple):
@@ -172,7 +172,7 @@ def test_an_existing_run_is_refused(runs: Path) -> None:
     told = cli("run", "three_balls.toml", "-o", "here", cwd=runs, code=2)
     assert (
         told.stderr
-        == "carom: here exists already; give --force to replace it, or another directory with -o\n"
+        == "carom: here exists already; give --force (force=True in Python) to replace it, or another directory\n"
     )
     assert told.stdout == ""
     cli("run", "three_balls.toml", "-o", "here", "--force", "--until", "10 ms", "--quiet", cwd=runs)

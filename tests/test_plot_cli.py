@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import carom
@@ -42,3 +45,13 @@ def test_spaces_after_commas_do_no_harm(run: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     expected = {f"{kind}.{end}" for kind in ("heights", "energies") for end in ("png", "svg", "csv")}
     assert {file.name for file in tmp_path.iterdir()} == expected
+
+
+def test_a_wrong_backend_is_no_error_of_carom(run: Path, tmp_path: Path) -> None:
+    """Matplotlib reads it when it is imported, so this needs a process of its own."""
+    command = [sys.executable, "-m", "carom", "plot", str(run), "-o", str(tmp_path / "out")]
+    environment = os.environ | {"MPLBACKEND": "nope"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("carom: matplotlib does not start (")
+    assert done.stderr.endswith("); unset MPLBACKEND, or mend it\n")

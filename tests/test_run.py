@@ -62,7 +62,7 @@ def test_run_directories_are_numbered(tmp_path: Path) -> None:
 def test_nothing_is_replaced_unasked_and_nobody_elses_files_ever(scene: Any, tmp_path: Path) -> None:
     run = tmp_path / "run"
     carom.simulate(scene, until=0.01, out=run)
-    with pytest.raises(CaromError, match="exists already; give --force"):
+    with pytest.raises(CaromError, match=r"exists already; give --force \(force=True in Python\)"):
         carom.simulate(scene, until=0.01, out=run)
     (run / "plots").mkdir()
     (run / "plots" / "caption.tex").write_text("mine")

@@ -128,16 +128,16 @@ class RunDir:
                 old = cls(path)
                 if any(path.iterdir()) and not (old.about.exists() or old._is_own()):
                     raise CaromError(
-                        f"{path} holds other files and is not a run directory; choose another with -o"
+                        f"{path} holds other files and is not a run directory; choose another directory"
                     )
                 with old.writing():
                     old._remove_own()
             elif path.exists():
-                cure = "give --force to replace it, or another directory with -o"
+                cure = "give --force (force=True in Python) to replace it, or another directory"
                 raise CaromError(
                     f"{path} exists already; {cure}"
                     if path.is_dir()
-                    else f"{path} is a file; choose another with -o"
+                    else f"{path} is a file; choose another path"
                 )
             path.mkdir(parents=True, exist_ok=force)
         except OSError as error:

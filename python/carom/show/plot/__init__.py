@@ -137,4 +137,10 @@ def _known(what: str) -> None:
 
 
 def require_matplotlib() -> None:
-    extra("matplotlib", "plots need matplotlib", "plot")
+    try:
+        extra("matplotlib", "plots need matplotlib", "plot")
+    except CaromError:
+        raise
+    except ValueError as error:  # it reads its settings when it is imported
+        why = str(error).partition("; supported")[0]
+        raise CaromError(f"matplotlib does not start ({why}); unset MPLBACKEND, or mend it") from error
