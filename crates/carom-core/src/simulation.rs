@@ -485,7 +485,7 @@ impl Simulation {
                 if self.model.deformation.is_some() {
                     cures += "; rigid grains on which a periodic box closes have no solution: end the run before";
                 } else if self.model.walls.iter().any(|wall| wall.motion.is_some()) {
-                    cures += "; where a driven wall wedges bodies no motion is a solution: on_nonconvergence = \"warn\" goes on";
+                    cures += "; where a driven wall jams bodies no motion is a solution: on_nonconvergence = \"warn\" goes on";
                 }
                 out.unsolved = Some(Unsolved {
                     contacts,

@@ -59,7 +59,7 @@ def half_way(first: F64, last: F64) -> F64:
 
 
 def inverse_mass(block: Block, k: I64, body: I64, along: F64) -> F64:
-    """(K,) 1/kg, inverse masses of bodies (walls: 0) pushed along a direction (K, 3) at their centres in the intervals `k`."""
+    """(K,) 1/kg, inverse masses of bodies (walls: 0) at their centres along directions (K, 3) in the intervals `k`."""
     run = block.run
     found = 1.0 / np.append(run.mass, np.inf)[np.minimum(body, run.bodies)]
     mine = np.flatnonzero(run.in_clump[np.minimum(body, run.bodies - 1)] & (body < run.bodies))
