@@ -9,7 +9,7 @@ import numpy as np
 from .island import SPRINGS, Island
 from .model import F64
 
-RESOLUTION = 500.0
+RESOLUTION, LEAST_RESOLUTION = 500.0, 30.0
 CLOSING = 1e-8
 SWEEPS, SETTLED = 100, 1e-13
 
@@ -82,15 +82,18 @@ def spring_impulses(island: Island) -> F64:
         impulses[:] += given
 
     while True:
-        units = []
+        units, fastest = [], 0.0
         for i, n in enumerate(start):
             wk = inverse[n] * stiffness[i]
             squared = z[n] ** 2 + 2.0 / (p + 1.0) * wk * max(0.0, depth[i]) ** (p + 1.0)
             if squared > least**2 and (depth[i] > 0.0 or z[n] < 0.0):
                 units.append(wk ** (-1.0 / (p + 1.0)) * squared ** (0.5 * (1.0 - p) / (p + 1.0)))
+                fastest = max(fastest, float(squared) ** 0.5)
         if not units:
             return impulses
-        dt = min(units) / RESOLUTION
+        # the error of a step goes with the speeds, so fewer do as the impact dies out
+        slower = min(1.0, fastest * CLOSING / least)
+        dt = min(units) / max(LEAST_RESOLUTION, RESOLUTION * slower**0.5)
         if max(depth) <= 0.0:
             drift(min(depth[i] / z[n] for i, n in enumerate(start) if z[n] < -least))
         drift(0.5 * dt)

@@ -15,7 +15,7 @@
 use super::course::Courses;
 use super::law::Law;
 use super::reduced::Reduced;
-use super::sequence::{loads, loads_first, solve_problem, ImpactIsland, Start};
+use super::sequence::{end, loads, loads_first, solve_problem, ImpactIsland, Start};
 use crate::contact::Contact;
 use crate::model::{ContactLaw, Model};
 use crate::options::{Impact, Options};
@@ -25,8 +25,10 @@ use carom_solve::rows::{RowSystem, NODE_DOF};
 /// balls is right to 1e-6. It goes with the speeds too, so fewer do as an impact dies out, down to the second: below, a spring is no spring.
 const RESOLUTION: f64 = 500.0;
 const LEAST_RESOLUTION: f64 = 30.0;
-/// Steps at most. Fewer cut impacts that run through long chains.
-const MOST_STEPS: usize = 2_000_000;
+/// Steps from which on an impact is cut as soon as nothing is compressed, so that no spring keeps energy, and at all. Fewer cut impacts that run through
+/// long chains; more cost seconds each.
+const MANY_STEPS: usize = 1_000_000;
+const MOST_STEPS: usize = 2 * MANY_STEPS;
 /// Closing speed over the greatest one at the start (1) from which on a contact is compressed again. At 0 rounding is a collision.
 const CLOSING: f64 = 1e-8;
 /// Sweeps over the friction of a kick at most, and the change over the normal impulses (1) that ends them. Where rounding keeps it larger, up to the
@@ -35,7 +37,7 @@ const SWEEPS: usize = 100;
 const SETTLED: f64 = 1e-13;
 const UNSETTLED: f64 = 1e-6;
 
-/// Loads, then the impact as a whole, then what the loads have closed meanwhile.
+/// Loads, then the impact as a whole, then what the loads have closed meanwhile. An impact that was cut goes on by Newton's law.
 #[must_use]
 pub fn through_springs(island: &mut impl ImpactIsland) -> bool {
     if island.slots() == 1 {
@@ -44,9 +46,14 @@ pub fn through_springs(island: &mut impl ImpactIsland) -> bool {
     if loads(island).is_none() {
         return false;
     }
+    let before = island.report().truncated;
     for (problem, law) in [(1, Law::Springs), (2, Law::Plastic)] {
         if !island.flags(|slot| island.closes(slot)).contains(&true) {
             return true;
+        }
+        if island.report().truncated > before {
+            let later = island.later(Law::Later, problem);
+            return end(island, Law::Later, later);
         }
         island.choose(|_| true);
         if !solve_problem(island, law, problem, Start::Nothing) {
@@ -80,13 +87,13 @@ pub fn spring<'a>(model: &'a Model, c: &Contact) -> ContactSpring<'a> {
 }
 
 /// Impulses of an impact, per row of contacts: `system` has the measures before it, of contacts and then of joints, `springs` what [`spring`] says.
-/// Nothing: it did not end. What joints answer is left to the caller.
+/// And whether it was cut. Nothing: its friction was not solved. What joints answer is left to the caller.
 pub fn impulses(
     system: &RowSystem,
     springs: &[ContactSpring],
     o: &Options,
     courses: &mut Courses,
-) -> Option<Vec<f64>> {
+) -> Option<(Vec<f64>, bool)> {
     let contacts = &system.contacts[..springs.len()];
     let mut at = Springs {
         system,
@@ -102,17 +109,21 @@ pub fn impulses(
     };
     let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -system.z0[c.row as usize]));
     let least = CLOSING * speed;
-    for _ in 0..MOST_STEPS {
+    for k in 0..MOST_STEPS {
         let moving = (0..contacts.len()).filter_map(|i| at.unit(i, least));
         let (unit, fastest) = moving.fold((f64::INFINITY, 0.0), |(unit, fastest), (u, v)| {
             (f64::min(unit, u), f64::max(fastest, v))
         });
         if unit.is_infinite() {
-            return Some(at.lambda);
+            return Some((at.lambda, false));
+        }
+        let is_free = at.depth.iter().all(|&d| d <= 0.0);
+        if is_free && k > MANY_STEPS {
+            break;
         }
         let resolution = RESOLUTION * (fastest / speed).min(1.0).sqrt();
         let dt = unit / resolution.max(LEAST_RESOLUTION);
-        if at.depth.iter().all(|&d| d <= 0.0) {
+        if is_free {
             // Nothing happens before the first gap is closed.
             let closing = (0..contacts.len()).map(|i| (at.depth[i], at.measure(i, 0)));
             let flights = closing.filter(|(_, v)| *v < -least).map(|(d, v)| d / v);
@@ -125,7 +136,7 @@ pub fn impulses(
         at.drift(0.5 * dt);
         courses.add(dt, contacts.iter().map(|c| at.lambda[c.row as usize]));
     }
-    None
+    Some((at.lambda, true))
 }
 
 struct Springs<'a> {

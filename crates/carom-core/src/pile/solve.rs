@@ -92,7 +92,7 @@ impl Pile {
     }
 
     /// Lets springs press the chosen contacts from the velocities of t_n on.
-    pub(super) fn press(&mut self, on: &On) -> bool {
+    pub(super) fn press(&mut self, on: &mut On) -> bool {
         let model = on.task.model;
         let (memory, bodies) = (&self.velocity, &self.bodies);
         (self.problem_nodes).take(&memory.closed, &memory.chosen, bodies, &self.places);
@@ -106,9 +106,10 @@ impl Pile {
         let (rows, framed, _) = problem_data::rows(on, bodies, &stated);
         let springs: Vec<_> = framed.iter().map(|c| spring(model, c)).collect();
         let mut courses = Courses::new(model.courses);
-        let Some(lambda) = impulses(&rows, &springs, &model.options, &mut courses) else {
+        let Some((lambda, is_cut)) = impulses(&rows, &springs, &model.options, &mut courses) else {
             return false;
         };
+        on.report.truncated += u32::from(is_cut);
         let courses = courses.of_contacts();
         let memory = &mut self.velocity;
         let of_slots = courses.map(|(at, course)| (memory.chosen[at], course));

@@ -312,7 +312,7 @@ impl ImpactIsland for SphereIsland<'_, '_, '_> {
             || chosen.any(|&slot| self.approaches(slot as usize));
         self.pile.velocity.table.begin_problem(problem, closed);
         if law == Law::Springs {
-            return self.pile.press(&self.on);
+            return self.pile.press(&mut self.on);
         }
         (self.pile)
             .solve_chosen(&mut self.on, law, problem)

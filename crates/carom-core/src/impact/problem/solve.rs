@@ -97,9 +97,11 @@ impl ImpactScratch {
         let of = |&slot: &usize| spring(model, &contacts[self.members[slot] as usize]);
         let springs: Vec<_> = self.chosen.iter().map(of).collect();
         let mut courses = Courses::new(model.courses);
-        let Some(lambda) = impulses(&self.sub, &springs, &model.options, &mut courses) else {
+        let Some((lambda, is_cut)) = impulses(&self.sub, &springs, &model.options, &mut courses)
+        else {
             return false;
         };
+        on.report.truncated += u32::from(is_cut);
         let courses = courses.of_contacts();
         let of_slots = courses.map(|(at, course)| (self.chosen[at] as u32, course));
         self.table.courses.extend(of_slots);
