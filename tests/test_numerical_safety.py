@@ -166,6 +166,25 @@ class TestNotConverged:
         assert (tmp_path / "run" / "failing_problem.h5").is_file()
         assert not np.asarray(result.steps["unconverged"]).any()
 
+    def test_where_a_driven_wall_wedges_a_rough_ball_the_message_says_so(self) -> None:
+        tilt = np.radians(10)
+        scene = Scene("wedged", gravity=(0, 0, 0), run={"until": 0.02, "step": H})
+        scene.contact("m", "m", friction=1.0, restitution=0.0)
+        scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+        scene.plane(
+            "press",
+            point=(0, 0, 0.0212),
+            normal=(np.sin(tilt), 0, -np.cos(tilt)),
+            material="m",
+            motion={"translation": [0, 0, {"expression": "-0.1*t"}]},
+        )
+        scene.sphere("ball", radius=0.01, mass=0.01, at=(0, 0, 0.01), material="m")
+        with pytest.raises(carom.RunFailed, match="driven wall wedges bodies no motion is a solution"):
+            carom.simulate(scene)
+        with pytest.warns(CaromWarning, match="unconverged"):
+            result = carom.simulate(scene, on_nonconvergence="warn")
+        assert result.summary["unconverged"] > 0
+
     def test_goes_on_if_told_and_marks_the_steps(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

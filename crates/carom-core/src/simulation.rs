@@ -484,6 +484,8 @@ impl Simulation {
                 let mut cures = cures(&self.model.options, contacts, residual);
                 if self.model.deformation.is_some() {
                     cures += "; rigid grains on which a periodic box closes have no solution: end the run before";
+                } else if self.model.walls.iter().any(|wall| wall.motion.is_some()) {
+                    cures += "; where a driven wall wedges bodies no motion is a solution: on_nonconvergence = \"warn\" goes on";
                 }
                 out.unsolved = Some(Unsolved {
                     contacts,
