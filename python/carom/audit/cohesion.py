@@ -103,7 +103,7 @@ def potential(run: Run, time: F64, x: F64) -> tuple[F64, F64]:
         return np.zeros(len(time)), np.zeros(len(time))
     pairs = within(run, time, x)
     extent = np.abs(x[pairs.k, pairs.a]).max(axis=1) + run.radius[pairs.a]
-    extent = extent + run.box.rounding(time[pairs.k])
+    extent = extent + run.lengths(time[pairs.k])
     rounding = pairs.force * (16.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[pairs.a])
     of = [np.bincount(pairs.k, each, minlength=len(time)) for each in (-rupture(pairs, pairs.gap), rounding)]
     return np.asarray(of[0]), np.asarray(of[1])
@@ -142,7 +142,7 @@ def pulls(block: Block) -> Pulls:
     in_way = np.where(outside, np.minimum(in_way, pairs.gap), 1.0)
     force = np.where(outside, rupture(pairs, pairs.gap - in_way) / in_way, force)
     turned = np.minimum(1.0, off / run.radius[a])
-    extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a] + run.box.rounding(block.t0[k])
+    extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a] + run.lengths(block.t0[k])
     extent = extent + h * carried.image_speed(block, k, image)
     unsure = 64.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[a]
     unsure = unsure + np.where(outside, off, 0.0)

@@ -134,7 +134,7 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     length = np.minimum(run.radius[near.a], run.length[np.minimum(near.b, n)])
     touching = run.held_to("touching_tolerance")
     noise = np.abs(block.x1[near.k, near.a]).max(axis=1) + run.radius[near.a]
-    noise = 16.0 * EPS * (noise + run.box.rounding(block.t1[near.k]))
+    noise = 16.0 * EPS * (noise + run.lengths(block.t1[near.k]))
     lawful = run.law_index(near.a, near.b) >= 0
     many, c = len(run.names), block.rows
     pushed = (c.k * many + c.a) * many + c.b
@@ -171,7 +171,7 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     a, b, k, ball = near.a, near.b, near.k, np.minimum(near.b, n - 1)
     gap, _ = run.meet(block.t1[k], a, b, fall[k, a], fall[k, ball])
     length = np.minimum(run.radius[a], run.length[np.minimum(b, n)])
-    noise = np.abs(fall[k, a]).max(axis=1) + run.radius[a] + run.box.rounding(block.t1[k])
+    noise = np.abs(fall[k, a]).max(axis=1) + run.radius[a] + run.lengths(block.t1[k])
     noise = 64.0 * EPS * noise
     loaded = run.answering.copy()
     loaded[[load["body"] for load in run.loads if load["kind"] == "force"]] = True
@@ -196,7 +196,7 @@ def _penetration(block: Block, near: Near, tally: Tally) -> None:
     length = np.minimum(run.radius[near.a], other)
     depth = np.where(np.isfinite(near.gap1), np.maximum(0.0, -near.gap1), 0.0)
     extent = np.nanmax(np.abs(block.x1), axis=(1, 2), initial=0.0) + run.radius.max(initial=0.0)
-    extent = extent + run.box.rounding(block.t1)
+    extent = extent + run.lengths(block.t1)
     # Where a step was made in parts, or the method divides steps, the deepest may have been within it; of balls that
     # come and go the frames do not show all.
     last = run.cut[block.s1 - 1] | run.divides | ~block.there.all(axis=1)

@@ -480,6 +480,11 @@ class Run:
                         best[w] = np.maximum(best[w], speed.reshape(-1, self.balls).max(axis=0))
         return best
 
+    def lengths(self, time: F64) -> F64:
+        """(K,) m, lengths whose roundings places of images and of moving walls have: of walls, whose laws know times to
+        a rounding, their way at their largest speed."""
+        return self.box.rounding(time) + np.abs(time) * self.top_wall_speeds.max(initial=0.0)
+
     @cached_property
     def cut(self) -> Bool:
         """(S,) steps that were made in parts: halved for convergence, or cut for travel."""

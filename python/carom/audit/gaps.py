@@ -45,7 +45,7 @@ def recorded(block: Block, tally: Tally) -> None:
         # Frames of Moreau-Jean are those of the middle of the step; its gaps are those of the end.
         normal = _middle(block)[1][rows]
     extent = np.abs(block.x1[c.k, c.a]).max(axis=1)[rows] + run.radius[c.a[rows]]
-    extent = extent + run.box.rounding(block.t1[c.k[rows]])
+    extent = extent + run.lengths(block.t1[c.k[rows]])
     place = block.per_pair(c.k[rows], c.a[rows], c.b[rows])
     tally.measure("gap", np.abs(c.gap[rows] - gap), 16.0 * EPS * extent, place)
     smallest = run.radius[c.a[rows]]
@@ -92,7 +92,7 @@ def complementarity(block: Block, tally: Tally) -> None:
                 * norm(wall.velocity(block.t1[c.k[mine]], block.x1[at], end=True)[0])
                 * block.dt[c.k[mine]]
             )
-    extent = np.abs(block.x1[c.k, c.a]).max(axis=1) + run.box.rounding(block.t1[c.k])
+    extent = np.abs(block.x1[c.k, c.a]).max(axis=1) + run.lengths(block.t1[c.k])
     touching = np.maximum(run.loosest["touching_tolerance"] * length + 16.0 * EPS * extent, 0.0)
     bound = np.maximum(touching, np.where(block.large[c.k], block.pile_overlap[c.k] * length, 0.0))
     # Eq. 44 alone prevents gaps from opening. The bound is its residual of `p gap`, p = 0.5/D_cc.

@@ -82,7 +82,7 @@ def _unit(block: Block, tally: Tally, r: Hits) -> None:
         other = np.minimum(one.b, run.bodies - 1)
         _, normal = run.meet(block.t1[one.k], one.a, one.b, block.x1[one.k, one.a], block.x1[one.k, other])
         extent = np.abs(block.x1[one.k, one.a]).max(axis=1) + run.radius[one.a]
-        extent = extent + run.box.rounding(block.t1[one.k])
+        extent = extent + run.lengths(block.t1[one.k])
         bound = 16.0 * EPS * (1.0 + extent / run.radius[one.a])
         tally.measure("normal", norm(one.normal - normal), bound, hits.place(block, one))
 

@@ -223,7 +223,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     r = np.minimum(run.radius[a], other)
     partner = np.where(b < run.bodies, b, a)  # a wall has no place of its own
     extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, partner)))
-    extent = extent + run.box.rounding(block.t1[k])
+    extent = extent + run.lengths(block.t1[k])
     rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
     if run.method == "penalty":
         return np.asarray(_compressed(run, a, b) + rounding)
