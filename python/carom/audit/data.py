@@ -483,7 +483,7 @@ class Run:
     def lengths(self, time: F64) -> F64:
         """(K,) m, lengths whose roundings places of images and of moving walls have: of walls, whose laws know times to
         a rounding, their way at their largest speed."""
-        return self.box.rounding(time) + np.abs(time) * self.top_wall_speeds.max(initial=0.0)
+        return np.asarray(self.box.rounding(time) + np.abs(time) * self.top_wall_speeds.max(initial=0.0))
 
     @cached_property
     def cut(self) -> Bool:

@@ -74,6 +74,10 @@ def of_loads(block: Block) -> Loads:
     of_box = carried.of_block(block)
     found.impulse[..., :3] += run.mass[:, None] * of_box.velocity
     found.slack[..., 0] += run.mass * of_box.slack
+    # What contacts move a body by within several steps is way against the flow, too.
+    moved = strokes(block)[0] * block.dt[:, None] + run.mass * shifts(block)[0]
+    several = np.where(block.single, 0.0, carried.jolted(block))[:, None] * moved
+    found.slack[:, : run.balls, 0] += several[:, : run.balls]
     if run.joints:
         found.alone, found.alone_slack = found.impulse.copy(), found.slack.copy()
         _joints(block, found)
