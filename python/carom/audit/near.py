@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import carried
+from carom.audit import carried, cohesion
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
 from carom.audit.forces import fastest
@@ -56,6 +56,10 @@ def near(block: Block) -> Near:
         free_walls = slice(run.balls, None)
         gained = of_loads(block).spread[:, free_walls, 0] / run.mass[free_walls]
         possible[:, free_walls] += gained * block.dt[:, None]
+    if run.cohesive:
+        pulled = norm(cohesion.on_bodies(block)[0]) + cohesion.most(block) * block.dt[:, None]
+        run.clumps.share(np.add, pulled)
+        possible = possible + pulled / run.mass * block.dt[:, None]
     longest = LONGEST * run.radius * (1.0 if run.bodies <= ALL_PAIRS else 0.25)
     far = block.there & (travelled > longest) & (block.n > 1)[:, None] & (run.bodies > ALL_PAIRS)
     far[:, run.balls :] = False
