@@ -341,6 +341,16 @@ class TestData:
         [read] = Calibration.of(free, {"v": (0.5, 1.5)}, [target], folder=free.parent).targets
         assert read.uncertainty == pytest.approx((1e-4, 3e-4))
 
+    def test_uncertainties_of_a_file_may_be_a_list(self, free: Path) -> None:
+        (free.parent / "a.csv").write_text("t,x\n0.01,0.0105\n0.02,0.021\n")
+        target = {"file": "a.csv", "ball": "cue", "uncertainty": ["0.1 mm", 3e-4]}
+        [read] = Calibration.of(free, V, [target], folder=free.parent).targets
+        assert read.uncertainty == pytest.approx((1e-4, 3e-4))
+        with pytest.raises(
+            CaromError, match=r"a.csv, column x: uncertainty has 3 numbers for 2 values; give one"
+        ):
+            Calibration.of(free, V, [{**target, "uncertainty": [1e-4] * 3}], folder=free.parent)
+
     def test_curves_of_a_measure(self, free: Path) -> None:
         def speed(result: carom.Result) -> dict[str, Any]:
             return {"double speed": (result.time, 2 * result["cue"].speed), "one": 1.0}

@@ -12,7 +12,7 @@ import numpy as np
 
 from carom import units
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean, quoted
+from carom.errors import CaromError, counted, did_you_mean, quoted
 from carom.many.sweep.design import read_table
 from carom.many.sweep.study import Measure, identity_of
 from carom.numeric import is_finite
@@ -147,7 +147,7 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
     found = []
     for name, quantity in chosen.items():
         sigma = given["uncertainty"]
-        if sigma in table:
+        if isinstance(sigma, str) and sigma in table:
             deviations = tuple(read_off(sigma, quantity, "unit").tolist())
         else:
             deviations = _si(f"{place}.uncertainty", sigma, quantity)
@@ -164,8 +164,11 @@ def _target(
     time: tuple[float, ...] | None,
 ) -> Target:
     sigma = sigma * len(values) if len(sigma) == 1 else sigma
-    if len(sigma) != len(values) or not all(s > 0 for s in sigma):
-        raise CaromError(f"{place}: uncertainty must be above 0, one number or one for each value")
+    if len(sigma) != len(values):
+        told = f"{counted(len(sigma), 'number')} for {counted(len(values), 'value')}"
+        raise CaromError(f"{place}: uncertainty has {told}; give one number, or one for each value")
+    if not all(s > 0 for s in sigma):
+        raise CaromError(f"{place}: uncertainty must be above 0, found {min(sigma):g}")
     if time is not None and (min(time) < 0 or len(set(time)) < len(time)):
         raise CaromError(f"{place}: times must be from 0 on, each once; the run begins at 0")
     return Target(place, quantity, values, sigma, time)
