@@ -125,6 +125,12 @@ class TestWhatTheDataDoNotTell:
         assert found.best["e"] == pytest.approx(0.8, abs=1e-5)
         assert found.remarks == ["the data do not determine mu within its bounds"]
 
+    def test_results_without_any_slope_end_the_search(self, free: Path) -> None:
+        """SciPy divided by the slope: zero."""
+        found = fitted(free, {"p": (0.0, 1.0)}, [end(0.03, 1e-3)], set={"cue.velocity.x": "= 1 + 0*p"})
+        assert found.interval == {"p": None}
+        assert found.remarks[0] == "the data do not determine p within its bounds"
+
     @pytest.mark.parametrize("search", MOST_IN_LONG)
     def test_two_parameters_of_which_only_the_product_counts(self, search: str, free: Path) -> None:
         found = fitted(
@@ -387,6 +393,8 @@ WRONG: dict[str, tuple[dict[str, Any], list[dict[str, Any]], dict[str, Any], str
     "points": (V, [end(0.02, 1e-4)], {"points": 0}, r"search\.points: expected a whole number from 1"),
     "too few points": (V, [end(0.02, 1e-4)], {"points": 3, "starts": 4}, "least_squares begins with 4 points"),
     "difference": (V, [end(0.02, 1e-4)], {"difference": 0.7}, r"search\.difference: expected a share"),
+    "late": (V, [{**CURVE, "time": [0.0, 0.03]}], {}, "target 1: a time of 0.03 s is after the end .* at 0.02 s; raise"),
+    "very late": (V, [{**CURVE, "time": [0.0, 20.0]}], {}, 'if the times are in another unit, write "20 ms"; else raise'),
     "no file": (V, [{"file": "x.csv", "ball": "cue", "uncertainty": 1}], {}, "x.csv cannot be read as CSV"),
 }  # fmt: skip
 
@@ -426,7 +434,6 @@ def test_a_missing_column_is_named_with_those_that_are_there(free: Path) -> None
     [
         (lambda result: {"height": 1.0}, {**end(1, 1), "quantity": "angle"}, "no run gives angle, a target; .*height"),
         (lambda result: {"height": 1.0}, {**CURVE, "quantity": "N"}, "no curve is called N"),
-        (None, {**CURVE, "time": [0.0, 0.03]}, "the run ends 0.01 s before the last time of the target; raise run.until"),
     ],
 )  # fmt: skip
 def test_what_only_a_run_shows_is_said_after_the_first(
@@ -434,6 +441,27 @@ def test_what_only_a_run_shows_is_said_after_the_first(
 ) -> None:
     with pytest.raises(CaromError, match=words):
         fitted(free, V, [target], measure=measure)
+
+
+def test_a_time_after_the_end_is_named_with_its_row_before_any_run(free: Path) -> None:
+    (free.parent / "a.csv").write_text("# of a video\nt,x\n0,0\n10,0.01\n20,0.02\n")
+    target = {"file": "a.csv", "ball": "cue", "uncertainty": 1e-4}
+    with pytest.raises(
+        CaromError, match=r"a.csv, column x, row 4: a time of 10 s .* at 0.02 s; .*time_unit = .ms."
+    ):
+        Calibration.of(free, V, [target], folder=free.parent)
+    Calibration.of(free, V, [{**target, "time_unit": "ms"}], folder=free.parent)
+
+
+def test_an_end_that_is_a_parameter_decides_run_by_run(free: Path) -> None:
+    """Times up to 0.02 s: shorter runs count as bad; of 0.03 s no run has them."""
+    parameters = {"run.until": {"low": 0.01, "high": 0.025, "start": 0.0225}}
+    found = fitted(free, parameters, [{**CURVE, "value": [0.0, 0.02]}, end(0.0205, 1e-4)], step=1e-5)
+    assert found.best["run.until"] == pytest.approx(0.0205, abs=1e-3)
+    with pytest.raises(
+        CaromError, match=r"the run ends .* before the last time of the target; raise run\.until"
+    ):
+        fitted(free, parameters, [{**CURVE, "time": [0.0, 0.03]}], "late")
 
 
 def test_keys_of_a_search_are_none_of_a_run() -> None:

@@ -12,12 +12,12 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, counted, did_you_mean
-from carom.many.batch_result import KINEMATICS
-from carom.many.fit.data import Measured, Target, moving, read
+from carom.many.fit import checks
+from carom.many.fit.data import Measured, Target, read
 from carom.many.sweep import study as files
 from carom.many.sweep.design import Axis, Design, number
-from carom.many.sweep.study import RESERVED, Measure, Study
-from carom.run.summary import LISTED_BODIES
+from carom.many.sweep.study import Measure, Study
+from carom.scene.plan import Plan
 from carom.scene.scene import Scene
 
 SEARCHES = ("least_squares", "differential_evolution", "gaussian_process")
@@ -30,8 +30,6 @@ FILE_KEYS = {
 POINTS = {"least_squares": (0, 100), "differential_evolution": (0, 300), "gaussian_process": (10, 15)}
 #: Step of finite differences over the range of a parameter, of runs without noise.
 STEP = 0.01
-#: Columns of a run that are text.
-TEXTS = ("outcome", "message", "id", "carom", "build")
 
 
 @dataclass(frozen=True)
@@ -170,31 +168,14 @@ class Calibration:
             raise CaromError(
                 f"search.difference: expected a share of the range up to 0.5, found {self.difference!r}"
             )
-        names = self.study.targeting.base.names
-        kept = self.study.bodies or (names if len(names) <= LISTED_BODIES else ())
-        ends = [
-            f"{ball}.{q}.{x}"
-            for ball in kept
-            for q in KINEMATICS
-            for x in ("wxyz" if q == "orientation" else "xyz")
-        ]
-        numbers = [name for name in RESERVED if name not in TEXTS]
-        for target in self.targets:
-            place = moving(target.quantity)
-            if target.time is not None and place is not None and place[0] not in names:
-                raise CaromError(
-                    f"{target.place}: no ball is called {place[0]!r}; {did_you_mean(place[0], names[:20])}"
-                )
-            if (
-                not free
-                and target.quantity not in (*ends, *numbers)
-                and not (target.time is not None and place)
-            ):
-                cure = did_you_mean(target.quantity, [*numbers, *ends[:20]])
-                raise CaromError(
-                    f"{target.place}: no quantity is called {target.quantity!r} without a measure; {cure}, or give one"
-                    " (--measure FILE.py:FUNCTION)"
-                )
+        checks.quantities(self, free)
+        if self.plan is not None:
+            checks.times(self.targets, self.plan.until)
+
+    @cached_property
+    def plan(self) -> Plan | None:
+        """Steps and frames of all runs; None if they depend on a parameter."""
+        return checks.plan_of(self)
 
     @property
     def first_points(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ import numpy as np
 from carom import units
 from carom.arrays import F64
 from carom.errors import CaromError, counted, did_you_mean, quoted
-from carom.many.sweep.design import read_table
 from carom.many.sweep.study import Measure, identity_of
+from carom.many.sweep.table_file import read_table
 from carom.numeric import is_finite
 from carom.result.kinematics import QUANTITIES
 from carom.run.result import Result
@@ -39,6 +39,8 @@ class Target:
     uncertainty: tuple[float, ...]
     """Standard deviations of the values."""
     time: tuple[float, ...] | None = None
+    lines: tuple[int, ...] = ()
+    """Lines of the file that the values are from."""
 
     @property
     def columns(self) -> list[str]:
@@ -121,8 +123,8 @@ def read(place: str, given: Mapping[str, Any], folder: Path) -> list[Target]:
 
 
 def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
-    table = {}
-    for heading, numbers in read_table(path).items():
+    read_, table = read_table(path), {}
+    for heading, numbers in read_.columns.items():
         name, unit = match.groups() if (match := _HEADING.fullmatch(heading)) else (heading, None)
         table[name] = (numbers, unit)
     named = given.get("time", next((name for name in TIMES if name in table), TIMES[0]))
@@ -152,7 +154,8 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
         else:
             deviations = _si(f"{place}.uncertainty", sigma, quantity)
         values = tuple(read_off(name, quantity, "unit").tolist())
-        found.append(_target(f"{place}: {path}, column {name}", quantity, values, deviations, time))
+        target = _target(f"{place}: {path}, column {name}", quantity, values, deviations, time)
+        found.append(replace(target, lines=tuple(read_.lines)))
     return found
 
 

@@ -23,6 +23,8 @@ NOISY_STEPS, SIGNAL = (0.05, 0.1, 0.2), 3.0
 FTOL, XTOL = 1e-6, 1e-6
 #: The same where runs are noisy.
 NOISY_FTOL, NOISY_XTOL = 1e-2, 1e-2
+#: Slope of chi squared up to which there is none: SciPy's method divides by it.
+NO_SLOPE = float(np.finfo(float).eps)
 #: Expected improvement of chi squared below which the Gaussian process ends.
 IMPROVEMENT = 0.1
 #: Multiple of it up to which a search that used all its points counts as converged.
@@ -158,7 +160,7 @@ def least_squares(points: Points) -> Found:
                 bounds=(0.0, 1.0),
                 ftol=NOISY_FTOL if noisy else FTOL,
                 xtol=NOISY_XTOL if noisy else XTOL,
-                gtol=None,
+                gtol=NO_SLOPE,
             )
             ends.append(points.at(found.x)[0])
             message = message or found.message

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -173,35 +171,6 @@ class Design:
             )  # that 2^m points are balanced best; the manual says so
             shares = engine(len(axes), rng=self.seed).random(self.count)
         return {axis.name: axis.at(shares[:, i]) for i, axis in enumerate(axes)}
-
-
-def read_table(path: Path) -> dict[str, list[float]]:
-    """A CSV file with names in its first line and numbers below."""
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise CaromError(
-            f"{path} cannot be read as CSV: {getattr(error, 'strerror', None) or error}"
-        ) from error
-    if len(rows) < 2:
-        raise CaromError(f"{path}: expected a line with names and at least one with numbers")
-    names = [name.strip() for name in rows[0]]
-    if len(set(names)) < len(names) or "" in names:
-        raise CaromError(f"{path}: the first line must name every column once, found {', '.join(names)}")
-    found: dict[str, list[float]] = {name: [] for name in names}
-    for k, row in enumerate(rows[1:], 2):
-        if len(row) != len(names):
-            raise CaromError(f"{path}, row {k}: {len(row)} values for {len(names)} columns")
-        for name, text in zip(names, row, strict=True):
-            try:
-                value = float(text)
-            except ValueError:
-                value = math.nan
-            if not math.isfinite(value):
-                raise CaromError(f"{path}, row {k}: {name} is {text.strip()!r}, not a number")
-            found[name].append(value)
-    return found
 
 
 def _grid(axes: Sequence[Axis]) -> dict[str, F64]:

@@ -16,8 +16,9 @@ from typing import Any
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.many.batch_result import KINEMATICS
-from carom.many.sweep.design import Axis, Design, number, read_table
+from carom.many.sweep.design import Axis, Design, number
 from carom.many.sweep.origin import COLUMNS as ORIGIN
+from carom.many.sweep.table_file import read_table
 from carom.many.sweep.targets import Targets
 from carom.many.threads import ENERGIES, MONITORS
 from carom.run.result import Result
@@ -100,7 +101,7 @@ class Study:
             path = _example_or(Path(scene))
             text, source = _read(path), str(scene)
             Scene.from_toml(path, case=case)  # what is wrong with it is said with its lines
-        columns = read_table(Path(table)) if isinstance(table, (str, Path)) else table
+        columns = read_table(Path(table)).columns if isinstance(table, (str, Path)) else table
         study = cls(
             text=text,
             axes=tuple(Axis.of(name, given) for name, given in (parameters or {}).items()),

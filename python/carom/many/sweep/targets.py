@@ -116,16 +116,20 @@ class Targets:
 
     def scene(self, case: int) -> Scene:
         """The scene of a case, as it would be simulated by itself."""
-        one = range(case, case + 1)
-        scene = self.base
-        if not self.fast:
-            parameters = {key: float(values[0]) for key, values in self.values(self.of_file, one).items()}
-            scene = Scene.from_toml(_as_text(self.text), case=self.case, parameters=parameters)
-            options = {key: _whole(float(v[0])) for key, v in self.values(self.of_run, one).items()}
-            scene = scene.with_options(**{**self.run, **options}) if {**self.run, **options} else scene
+        scene = self.of_text(case)
         if self.of_arrays:
-            scene = Overrides(scene, self.values(self.of_arrays, one)).scene(0)
+            scene = Overrides(scene, self.values(self.of_arrays, range(case, case + 1))).scene(0)
         return scene
+
+    def of_text(self, case: int) -> Scene:
+        """The scene of a case without what `of_arrays` sets: no ball needs to be placed for it."""
+        if self.fast:
+            return self.base
+        one = range(case, case + 1)
+        parameters = {key: float(values[0]) for key, values in self.values(self.of_file, one).items()}
+        scene = Scene.from_toml(_as_text(self.text), case=self.case, parameters=parameters)
+        options = {**self.run, **{k: _whole(float(v[0])) for k, v in self.values(self.of_run, one).items()}}
+        return scene.with_options(**options) if options else scene
 
 
 def _as_text(text: str) -> str:

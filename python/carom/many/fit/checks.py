@@ -1,0 +1,81 @@
+"""What is refused before anything is simulated: quantities that no run has, times after its end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carom.errors import CaromError, did_you_mean
+from carom.many.batch_result import KINEMATICS
+from carom.many.fit.data import Target, moving
+from carom.many.sweep.study import RESERVED
+from carom.run.summary import LISTED_BODIES
+from carom.scene.plan import Plan
+
+if TYPE_CHECKING:
+    from carom.many.fit.calibration import Calibration
+
+#: Columns of a run that are text.
+TEXTS = ("outcome", "message", "id", "carom", "build")
+#: Ends of runs from which on a time is taken for one in another unit.
+FAR = 10.0
+
+
+def plan_of(calibration: Calibration) -> Plan | None:
+    """Steps and frames of all runs; None if they depend on a parameter."""
+    n, first = len(calibration.axes), calibration.first
+    shares = np.vstack([first, np.where(np.eye(n, dtype=bool), 0.0, first), np.where(np.eye(n), 1.0, first)])
+    study, found = calibration.study_of(calibration.values(shares)), set()
+    for k in range(len(shares)):
+        try:
+            scene = study.targeting.of_text(k * calibration.seeds)
+        except CaromError:  # not every bound can be simulated
+            continue
+        if scene.run.until is not None:
+            run, record = scene.run, scene.record
+            found.add(Plan.of(scene.run.until, run.step, record.every, record.contacts))
+    return found.pop() if len(found) == 1 else None
+
+
+def quantities(calibration: Calibration, free: bool) -> None:
+    """Refuse what no run has. `free`: what a measure returns is not known before it is called."""
+    names = calibration.study.targeting.base.names
+    kept = calibration.study.bodies or (names if len(names) <= LISTED_BODIES else ())
+    ends = [
+        f"{ball}.{q}.{x}"
+        for ball in kept
+        for q in KINEMATICS
+        for x in ("wxyz" if q == "orientation" else "xyz")
+    ]
+    numbers = [name for name in RESERVED if name not in TEXTS]
+    for target in calibration.targets:
+        place = moving(target.quantity)
+        if target.time is not None and place is not None and place[0] not in names:
+            raise CaromError(
+                f"{target.place}: no ball is called {place[0]!r}; {did_you_mean(place[0], names[:20])}"
+            )
+        if not free and target.quantity not in (*ends, *numbers) and not (target.time is not None and place):
+            cure = did_you_mean(target.quantity, [*numbers, *ends[:20]])
+            raise CaromError(
+                f"{target.place}: no quantity is called {target.quantity!r} without a measure; {cure}, or give one"
+                " (--measure FILE.py:FUNCTION)"
+            )
+
+
+def times(targets: tuple[Target, ...], end: float) -> None:
+    """Refuse measurements after the end of all runs (s)."""
+    for target in targets:
+        if target.time is None or moving(target.quantity) is None:  # a measure has times of its own
+            continue
+        late = [k for k, t in enumerate(target.time) if t > end * (1 + 1e-9)]
+        if late:
+            row = f", row {target.lines[late[0]]}" if target.lines else ""
+            cure = "raise run.until, or leave out what was measured later"
+            if max(target.time) > FAR * end:
+                where = 'time_unit = "ms", or "t (ms)" in its heading' if target.lines else '"20 ms"'
+                cure = f"if the times are in another unit, write {where}; else raise run.until"
+            raise CaromError(
+                f"{target.place}{row}: a time of {target.time[late[0]]:g} s is after the end of the run at"
+                f" {end:g} s; {cure}"
+            )
