@@ -79,6 +79,9 @@ def _print(found: Fit, files: list[Path]) -> None:
         f" {counted(facts['points'], 'point')}, {counted(facts['runs'], 'run')}"
     )
     print(f"intervals by {facts['interval_by']}")
+    if found.step_shift is not None:
+        moves = (f"{name} by {by:.2g}" for name, by in found.step_shift.items() if by is not None)
+        print(f"about half the step moves {', '.join(moves) or 'what is not determined'}")
     for remark in found.remarks:
         print(f"  {remark}")
     print("\n".join(map(str, files)))

@@ -42,6 +42,18 @@ class Told:
     likelihood: float
     """Of a greater chi squared, if model and uncertainties are right."""
     widened: float
+    inverse: F64
+    """Change of the shares with minus the residuals, (parameters, data); 0 at a bound, NaN where nothing is determined."""
+
+    @property
+    def error(self) -> F64:
+        """Standard errors of the shares."""
+        return self.half / _deviations(CONFIDENCE)
+
+
+def _deviations(confidence: float) -> float:
+    stats = extra("scipy.stats", "a fit needs scipy", "fit")
+    return float(stats.norm.ppf(0.5 + confidence / 2))
 
 
 def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float) -> Told:
@@ -56,13 +68,15 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float) -
     chi2, freedom = float(np.sum(residuals**2 / variance)), max(0, len(residuals) - len(free))
     likelihood = float(stats.chi2.sf(chi2, freedom)) if freedom else 1.0
     widened = float(np.sqrt(chi2 / freedom)) if likelihood < UNLIKELY else 1.0
-    wide = stats.norm.ppf(0.5 + CONFIDENCE / 2) * widened
-    half, correlation = np.full(n, np.nan), np.full((n, n), np.nan)
+    wide = _deviations(CONFIDENCE) * widened
+    half, correlation, inverse = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros((n, len(residuals)))
     hidden, directions = np.zeros(n, dtype=bool), []
     if len(free):
         u, s, v = np.linalg.svd(jacobian[:, free], full_matrices=False)
         seen = s > max(floor, 1e-12 * s.max(initial=0.0), 1e-300)
-        spread = (v.T / np.where(seen, s, np.inf)) @ u.T * np.sqrt(variance)
+        spread = (v.T / np.where(seen, s, np.inf)) @ u.T
+        inverse[free] = spread
+        spread = spread * np.sqrt(variance)
         covariance = spread @ spread.T
         sigma = np.sqrt(np.diag(covariance))
         blind = np.abs(v[~seen]) > TAKES_PART**2  # a small part in an unknown direction may be large
@@ -72,4 +86,5 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float) -
         half[free] = np.where(hidden[free], np.nan, wide * sigma)
         known = np.where(hidden[free] | (sigma == 0), np.nan, sigma)
         correlation[np.ix_(free, free)] = covariance / np.outer(known, known)
-    return Told(half, correlation, at_bound, hidden, directions, chi2, freedom, likelihood, widened)
+    inverse[hidden] = np.nan
+    return Told(half, correlation, at_bound, hidden, directions, chi2, freedom, likelihood, widened, inverse)

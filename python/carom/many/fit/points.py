@@ -14,6 +14,7 @@ from carom.errors import CaromError, CaromWarning, counted
 from carom.many.fit.calibration import Calibration
 from carom.many.sweep.folder import Folder
 from carom.many.sweep.run import Team, complete
+from carom.many.sweep.study import Study
 from carom.many.sweep.table import Sweep
 
 
@@ -62,7 +63,7 @@ class Points:
         """Mean over the seeds; NaN where a run failed."""
         self.noise = np.zeros((0, m))
         """Standard error of that mean; 0 for runs of one seed."""
-        self.new, self.limited = 0, True
+        self.new, self.limited, self.beside_runs = 0, True, 0
 
     @property
     def residuals(self) -> F64:
@@ -109,21 +110,10 @@ class Points:
             self.sweep = complete(study, self._folder, self._team, self._retry)
         self._warned |= self.sweep.progress.new > 0
         self.new += self.sweep.progress.new
-        first, seeds = len(self.predicted), self.calibration.seeds
-        missing = [name for name in self._columns if name not in self.sweep.columns]
-        if missing and self.sweep.ok.any():
-            there = [name for name in self.sweep.columns if "." not in name]
-            raise CaromError(f"no run gives {missing[0]}, a target; columns of the runs: {', '.join(there)}")
-        values = [
-            self.sweep[name] if name not in missing else np.full(len(self.sweep), np.nan)
-            for name in self._columns
-        ]
-        runs = np.stack(values, axis=-1).reshape(len(self._rows), seeds, -1)[first:]
-        ok = np.asarray(self.sweep.ok).reshape(-1, seeds)[first:]
-        runs[~ok.all(axis=1)] = np.nan
-        error = runs.std(axis=1, ddof=1) / np.sqrt(seeds) if seeds > 1 else np.zeros_like(runs[:, 0])
-        self.predicted = np.vstack([self.predicted, runs.mean(axis=1)])
-        self.noise = np.vstack([self.noise, np.nan_to_num(error)])
+        first = len(self.predicted)
+        predicted, noise = self._read(self.sweep)
+        self.predicted = np.vstack([self.predicted, predicted[first:]])
+        self.noise = np.vstack([self.noise, noise[first:]])
         if not self.good.any():
             failures = self.sweep.failures
             reason = (
@@ -140,3 +130,26 @@ class Points:
             bad = int((~self.good).sum())
             best = float(self.chi2.min())
             self._progress(State(len(self._rows), self.calibration.points, bad, best, elapsed))
+
+    def _read(self, sweep: Sweep) -> tuple[F64, F64]:
+        """Mean over the seeds at each point of a sweep, and its standard error; NaN where a run failed."""
+        seeds = self.calibration.seeds
+        missing = [name for name in self._columns if name not in sweep.columns]
+        if missing and sweep.ok.any():
+            there = [name for name in sweep.columns if "." not in name]
+            raise CaromError(f"no run gives {missing[0]}, a target; columns of the runs: {', '.join(there)}")
+        values = [
+            sweep[name] if name not in missing else np.full(len(sweep), np.nan) for name in self._columns
+        ]
+        runs = np.stack(values, axis=-1).reshape(len(sweep) // seeds, seeds, -1)
+        runs[~np.asarray(sweep.ok).reshape(-1, seeds).all(axis=1)] = np.nan
+        error = runs.std(axis=1, ddof=1) / np.sqrt(seeds) if seeds > 1 else np.zeros_like(runs[:, 0])
+        return runs.mean(axis=1), np.nan_to_num(error)
+
+    def beside(self, study: Study, name: str) -> tuple[F64, F64]:
+        """The same of another study, whose folder is `name` in that of the points."""
+        folder = Folder(self._folder.path / name, keep=True)
+        with folder.driving():
+            sweep = complete(study, folder, self._team, self._retry)
+        self.beside_runs += len(sweep)
+        return self._read(sweep)

@@ -11,13 +11,14 @@ import numpy as np
 
 import carom
 from carom.arrays import F64
-from carom.errors import CaromError, counted
+from carom.errors import CaromError
 from carom.files import csv_bytes, finite, inside, json_bytes, write_whole
-from carom.many.fit import plot
+from carom.many.fit import plot, remarks
 from carom.many.fit.calibration import Calibration
 from carom.many.fit.intervals import told
 from carom.many.fit.points import Points, State
 from carom.many.fit.search import Found, search
+from carom.many.fit.smaller_step import shift
 from carom.many.sweep.folder import Folder
 from carom.many.sweep.run import Team
 from carom.many.sweep.study import Measure
@@ -25,9 +26,6 @@ from carom.many.sweep.table import Sweep
 from carom.run.watch import check_function
 from carom.show.plot import require_matplotlib
 from carom.show.plot.style import save
-
-#: Correlations from here on are reported.
-STRONG = 0.9
 
 
 def fit(
@@ -63,10 +61,12 @@ class Fit:
     """The end of a fit. `fit.best` has the values, `fit.interval` their 95 % intervals."""
 
     def __init__(self, points: Points, found: Found) -> None:
+        """The end of a search; runs with a smaller step follow it."""
         self.calibration, self._points, self._found = points.calibration, points, found
         self._residuals = points.residuals[found.best]
         noise = points.scatter if found.noise is None else found.noise
         self._told = told(found.jacobian, self._residuals, noise, points.shares[found.best], found.floor)
+        self._shift = shift(points, found.best, self._told)
 
     @property
     def path(self) -> Path:
@@ -111,39 +111,21 @@ class Fit:
     @cached_property
     def remarks(self) -> list[str]:
         """What the numbers alone do not say: what is not determined, a poor fit, a search that was cut short."""
-        names, state, found = self.calibration.names, self._told, []
-        if not self.converged:
-            found.append(f"the search has not converged: {self._found.message}")
-        for group in state.directions:
-            which = [names[k] for k in group]
-            found.append(
-                f"the data do not determine {which[0]} within its bounds"
-                if len(which) == 1
-                else f"the data do not tell {', '.join(which[:-1])} and {which[-1]} apart"
-            )
-        grouped = {k for group in state.directions for k in group}
-        for k, name in enumerate(names):
-            if state.at_bound[k]:
-                found.append(
-                    f"{name} is at a bound, so it has no interval; give wider bounds if that makes sense"
-                )
-            elif state.hidden[k] and k not in grouped:
-                found.append(f"the data do not determine {name} within its bounds")
-        for i, j in zip(
-            *np.nonzero(np.triu(np.abs(np.nan_to_num(self.correlation)) > STRONG, 1)), strict=True
-        ):
-            found.append(f"{names[i]} and {names[j]} are correlated by {self.correlation[i, j]:.3f}")
-        if state.widened > 1:
-            found.append(
-                f"chi squared is {state.chi2:.4g} where {state.freedom} is expected: the model or the uncertainties are"
-                f" not right; the intervals are widened by {state.widened:.3g}"
-            )
+        found = [] if self.converged else [f"the search has not converged: {self._found.message}"]
+        found += remarks.of_data(self._told, self.calibration.names)
+        if self._shift is not None and self._shift.large.any():
+            found.append(remarks.of_step(self._shift, self.calibration.names, self.step_shift, self._told))
         bad = int((~self._points.good).sum())
-        if bad:
-            row = self.sweep.failures[0] if self.sweep.failures else None
-            why = f"; the first: {row['outcome']}: {row['message']}" if row else ": a target is not finite"
-            found.append(f"{counted(bad, 'point')} failed and counted as bad{why}")
-        return found
+        return found + ([remarks.of_failures(bad, self.sweep)] if bad else [])
+
+    @cached_property
+    def step_shift(self) -> dict[str, float | None] | None:
+        """How far each best value moves where the runs have about half the step; None for runs without a step."""
+        if self._shift is None:
+            return None
+        here = self._points.shares[self._found.best]
+        before, after = (self.calibration.values(x) for x in (here, here + self._shift.shares))
+        return dict(zip(self.calibration.names, finite((after - before).tolist()), strict=True))
 
     @property
     def residuals(self) -> dict[str, list[Any]]:
@@ -179,10 +161,11 @@ class Fit:
             "degrees_of_freedom": state.freedom,
             "likelihood": state.likelihood,
             "widened": state.widened,
+            "step_shift": self.step_shift,
             "remarks": self.remarks,
             "points": len(points.shares),
             "failed_points": int((~points.good).sum()),
-            "runs": len(points.sweep),
+            "runs": len(points.sweep) + points.beside_runs,
             "failures": points.sweep.failures,
             "targets": [
                 {

@@ -73,24 +73,6 @@ def _sampled(points: Points, count: int) -> F64:
         return np.asarray(engine.random(count))
 
 
-def _steps(points: Points, centre: F64) -> F64:
-    """Steps of central differences: as given, else 0.01; where runs are noisy the least that stands out of the noise."""
-    given, n = points.calibration.difference, len(centre)
-    if given is not None or points.calibration.seeds == 1:
-        return np.full(n, given or STEP)
-    steps = np.full(n, NOISY_STEPS[-1])
-    for k in range(n):
-        for step in NOISY_STEPS:
-            sides = _sides(centre, k, step)
-            low, high = points.at(np.array(sides))
-            change = points.residuals[high] - points.residuals[low]
-            noise = (points.noise[high] ** 2 + points.noise[low] ** 2) / points.sigma**2
-            if np.sum(change**2) > SIGNAL**2 * np.sum(noise):
-                steps[k] = step
-                break
-    return steps
-
-
 def _residuals(points: Points, shares: F64) -> F64:
     [number] = points.at(shares)
     return np.asarray(points.residuals[number])
@@ -99,45 +81,6 @@ def _residuals(points: Points, shares: F64) -> F64:
 def _chi2(points: Points, shares: F64) -> F64:
     numbers = points.at(shares)
     return np.asarray(points.chi2[numbers])
-
-
-def _sides(centre: F64, k: int, step: float) -> tuple[F64, F64]:
-    low, high = centre.copy(), centre.copy()
-    low[k], high[k] = max(0.0, centre[k] - step), min(1.0, centre[k] + step)
-    return low, high
-
-
-def _jacobian(points: Points, centre: F64, steps: F64) -> F64:
-    """Central differences of the residuals; one-sided beside a bound and beside a point that failed."""
-    sides = [side for k, step in enumerate(steps) for side in _sides(centre, k, step)]
-    numbers = points.at(np.array([centre, *sides]))
-    here, columns = numbers[0], []
-    for k in range(len(steps)):
-        low, high = (j if points.good[j] else here for j in numbers[1 + 2 * k : 3 + 2 * k])
-        if low == high:
-            name = points.calibration.names[k]
-            value = points.calibration.values(centre)[k]
-            raise CaromError(
-                f"runs on both sides of {name} = {value:g} fail, so no slope is known; give a smaller search.difference,"
-                " or other bounds"
-            )
-        width = points.shares[high, k] - points.shares[low, k]
-        columns.append((points.residuals[high] - points.residuals[low]) / width)
-    return np.stack(columns, axis=-1)
-
-
-def _slopes(points: Points, best: int, steps: F64) -> tuple[F64, float, str]:
-    """The Jacobian at the best point, how far it may be wrong, and how it was found."""
-    centre = points.shares[best]
-    jacobian = _jacobian(points, centre, steps)
-    told = ", ".join(f"{step:.3g}" for step in steps)
-    if points.calibration.seeds > 1:
-        noise = np.sqrt(2 * np.sum(points.scatter**2)) / (2 * steps.min())
-        why = ", chosen by the noise" if points.calibration.difference is None else ""
-        return jacobian, float(noise), f"central differences over {told} of the ranges{why}"
-    finer = _jacobian(points, centre, steps / 2)
-    error = float(np.linalg.norm(jacobian - finer, 2))
-    return finer, error, f"central differences over {steps.max() / 2:.3g} of the ranges"
 
 
 def least_squares(points: Points) -> Found:

@@ -1,0 +1,68 @@
+"""What is said of a fit beside its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from carom.errors import counted
+from carom.many.fit.intervals import Told
+from carom.many.fit.smaller_step import Shift
+from carom.many.sweep.table import Sweep
+
+#: Correlations from here on are reported.
+STRONG = 0.9
+
+
+def listed(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def of_data(told: Told, names: Sequence[str]) -> list[str]:
+    """What the data do not determine, and whether they contradict the model."""
+    found = []
+    for group in told.directions:
+        which = listed([names[k] for k in group])
+        found.append(
+            f"the data do not determine {which} within its bounds"
+            if len(group) == 1
+            else f"the data do not tell {which} apart"
+        )
+    grouped = {k for group in told.directions for k in group}
+    for k, name in enumerate(names):
+        if told.at_bound[k]:
+            found.append(
+                f"{name} is at a bound, so it has no interval; give wider bounds if that makes sense"
+            )
+        elif told.hidden[k] and k not in grouped:
+            found.append(f"the data do not determine {name} within its bounds")
+    strong = np.triu(np.abs(np.nan_to_num(told.correlation)) > STRONG, 1)
+    for i, j in zip(*np.nonzero(strong), strict=True):
+        found.append(f"{names[i]} and {names[j]} are correlated by {told.correlation[i, j]:.3f}")
+    if told.widened > 1:
+        found.append(
+            f"chi squared is {told.chi2:.4g} where {told.freedom} is expected: the model or the uncertainties are"
+            f" not right; the intervals are widened by {told.widened:.3g}"
+        )
+    return found
+
+
+def of_step(shift: Shift, names: Sequence[str], moved: Mapping[str, float | None] | None, told: Told) -> str:
+    """Which best values depend on the step, and by how much."""
+    which = []
+    for k in np.flatnonzero(shift.large).tolist():
+        by, errors = (moved or {})[names[k]], abs(shift.shares[k]) / told.error[k]
+        which.append(f"{names[k]} moves by {by:.2g}, {errors:.2g} standard errors")
+    return (
+        f"with about half of run.step = {shift.step:g} s {listed(which)}; the intervals leave this error out:"
+        ' take a smaller run.step, or method = "events"'
+    )
+
+
+def of_failures(bad: int, sweep: Sweep) -> str:
+    """How many points failed, and the first reason."""
+    row = sweep.failures[0] if sweep.failures else None
+    why = f"; the first: {row['outcome']}: {row['message']}" if row else ": a target is not finite"
+    return f"{counted(bad, 'point')} failed and counted as bad{why}"
