@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,10 @@ def seen() -> list[dict[str, Any]]:
 def collided(folder: Path, targets: list[Any], parameters: dict[str, Any] = BOTH, **more: Any) -> carom.Fit:
     calibration = Calibration.of(COLLISION, parameters, targets, **more)
     return carom.fit(calibration, folder, workers=0)
+
+
+START = {**BOTH, "v": (0.8, 1.2)}
+SPEED = {"a.velocity.x": "= v"}
 
 
 class TestSmallerStep:
@@ -95,3 +100,36 @@ class TestSmallerStep:
         low, high = found.interval["p"]  # type: ignore[misc]
         assert abs(found.step_shift["p"]) > 0.5 * (high - low) / 2 / 1.96  # type: ignore[arg-type, index]
         assert not [remark for remark in found.remarks if "run.step" in remark]
+
+
+class TestJumps:
+    """Where the start moves, the impact falls into another step, and places jump by the speed times the step."""
+
+    @pytest.mark.parametrize("method", ["nsga", "moreau"])
+    def test_intervals_are_those_of_wider_differences(self, method: str, seen: Any, tmp_path: Path) -> None:
+        exact = collided(tmp_path / "exact", seen, START, set=SPEED)
+        assert exact.remarks == []
+        assert exact.summary["interval_by"] == "central differences over 0.005 of the ranges"
+        found = collided(tmp_path / "fit", seen, START, set=SPEED, method=method, step=1e-4)
+        for name, ends in exact.interval.items():
+            assert np.diff(found.interval[name]) == pytest.approx(np.diff(ends), rel=0.05)  # type: ignore[arg-type]
+        assert found.remarks[0].startswith(
+            "results jump with v: differences over 0.005 of the range are no slopes; intervals are by those over 0.0"
+        )
+        assert not [remark for remark in found.remarks if "the data do not" in remark]
+        assert re.match(
+            r"central differences over 0\.005, 0\.005, 0\.0[248] of", found.summary["interval_by"]
+        )
+
+    def test_what_jumps_hide_is_no_fault_of_the_data(self, seen: Any, tmp_path: Path) -> None:
+        """Radius, restitution and friction are told apart by method events, though correlated by 0.99."""
+        parameters, radius = {**BOTH, "R": (0.01, 0.05)}, {"a.radius": "= R"}
+        exact = collided(tmp_path / "exact", seen, parameters, set=radius)
+        assert None not in exact.interval.values()
+        found = collided(tmp_path / "fit", seen, parameters, set=radius, method="nsga", step=1e-3)
+        [remark] = [remark for remark in found.remarks if "R" in remark]
+        assert remark.startswith(
+            "results jump with R: differences over 0.005 of the range are no slopes; intervals of "
+        )
+        assert remark.endswith('use method = "events" or a smaller run.step or a larger search.difference')
+        assert not [remark for remark in found.remarks if "the data do not" in remark]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carom.arrays import F64, Bool
+from carom.arrays import F64, Array, Bool
 from carom.errors import extra
 
 #: Share of the range within which a best value that would go on beyond it counts as at a bound.
@@ -37,6 +37,8 @@ class Told:
     """Parameters that the data do not determine."""
     directions: list[list[int]]
     """Parameters that the data do not tell apart, or of which they say nothing."""
+    unclear: list[list[int]]
+    """The same where it may be the jumps of the results that hide them."""
     chi2: float
     freedom: int
     likelihood: float
@@ -56,8 +58,11 @@ def _deviations(confidence: float) -> float:
     return float(stats.norm.ppf(0.5 + confidence / 2))
 
 
-def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float) -> Told:
-    """From the slopes (data, parameters), residuals and noise of the runs (data,) over the uncertainties."""
+def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float, jumps: bool = False) -> Told:
+    """From the slopes (data, parameters), residuals and noise of the runs (data,) over the uncertainties.
+
+    With `jumps` it is the results that jump by the `floor`, which is no fault of the data.
+    """
     stats = extra("scipy.stats", "a fit needs scipy", "fit")
     n = len(shares)
     step = -np.linalg.pinv(jacobian, rcond=1e-8) @ residuals
@@ -70,7 +75,7 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float) -
     widened = float(np.sqrt(chi2 / freedom)) if likelihood < UNLIKELY else 1.0
     wide = _deviations(CONFIDENCE) * widened
     half, correlation, inverse = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros((n, len(residuals)))
-    hidden, directions = np.zeros(n, dtype=bool), []
+    hidden, directions, unclear = np.zeros(n, dtype=bool), [], []
     if len(free):
         u, s, v = np.linalg.svd(jacobian[:, free], full_matrices=False)
         seen = s > max(floor, 1e-12 * s.max(initial=0.0), 1e-300)
@@ -82,9 +87,18 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float) -
         blind = np.abs(v[~seen]) > TAKES_PART**2  # a small part in an unknown direction may be large
         hidden[free] = blind.any(axis=0) | (2 * wide * sigma >= 1)
         weak = ~seen | (2 * wide >= s)
-        directions = [free[np.abs(row) > TAKES_PART].tolist() for row in v[weak]]
+        hazy = ~seen & (s + floor > 2 * wide) & jumps
+        directions = _groups(free, v[weak & ~hazy])
+        unclear = _groups(free, v[hazy])
         half[free] = np.where(hidden[free], np.nan, wide * sigma)
         known = np.where(hidden[free] | (sigma == 0), np.nan, sigma)
         correlation[np.ix_(free, free)] = covariance / np.outer(known, known)
     inverse[hidden] = np.nan
-    return Told(half, correlation, at_bound, hidden, directions, chi2, freedom, likelihood, widened, inverse)
+    return Told(
+        half, correlation, at_bound, hidden, directions, unclear, chi2, freedom, likelihood, widened, inverse
+    )
+
+
+def _groups(free: Array, directions: F64) -> list[list[int]]:
+    """The parameters that take part in some directions."""
+    return [free[np.abs(row) > TAKES_PART].tolist() for row in directions]

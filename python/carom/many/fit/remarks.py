@@ -8,6 +8,7 @@ import numpy as np
 
 from carom.errors import counted
 from carom.many.fit.intervals import Told
+from carom.many.fit.slopes import Slopes
 from carom.many.fit.smaller_step import Shift
 from carom.many.sweep.table import Sweep
 
@@ -30,7 +31,7 @@ def of_data(told: Told, names: Sequence[str]) -> list[str]:
             if len(group) == 1
             else f"the data do not tell {which} apart"
         )
-    grouped = {k for group in told.directions for k in group}
+    grouped = {k for group in told.directions + told.unclear for k in group}
     for k, name in enumerate(names):
         if told.at_bound[k]:
             found.append(
@@ -47,6 +48,24 @@ def of_data(told: Told, names: Sequence[str]) -> list[str]:
             f" not right; the intervals are widened by {told.widened:.3g}"
         )
     return found
+
+
+def of_jumps(slopes: Slopes, names: Sequence[str], told: Told, method: str) -> str:
+    """With which parameters results jump, and what becomes of the intervals."""
+    over = listed(list(dict.fromkeys(f"{step:.3g}" for step in slopes.jumps.values())))
+    cures = [] if method == "events" else ['method = "events"', "a smaller run.step"]
+    without = sorted({k for group in told.unclear for k in group})
+    if without:
+        end = f"intervals of {listed([names[k] for k in without])} are not known"
+        cures.append("a larger search.difference")
+    else:
+        used = listed(list(dict.fromkeys(f"{slopes.steps[k]:.3g}" for k in slopes.jumps)))
+        end = f"intervals are by those over {used} and leave the jumps out"
+    cure = f"; use {' or '.join(cures)}" if cures else ""
+    return (
+        f"results jump with {listed([names[k] for k in slopes.jumps])}: differences over {over} of the range are no"
+        f" slopes; {end}{cure}"
+    )
 
 
 def of_step(shift: Shift, names: Sequence[str], moved: Mapping[str, float | None] | None, told: Told) -> str:

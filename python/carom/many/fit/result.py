@@ -65,7 +65,8 @@ class Fit:
         self.calibration, self._points, self._found = points.calibration, points, found
         self._residuals = points.residuals[found.best]
         noise = points.scatter if found.noise is None else found.noise
-        self._told = told(found.jacobian, self._residuals, noise, points.shares[found.best], found.floor)
+        here, slopes = points.shares[found.best], found.slopes
+        self._told = told(slopes.jacobian, self._residuals, noise, here, slopes.floor, bool(slopes.jumps))
         self._shift = shift(points, found.best, self._told)
 
     @property
@@ -112,9 +113,13 @@ class Fit:
     def remarks(self) -> list[str]:
         """What the numbers alone do not say: what is not determined, a poor fit, a search that was cut short."""
         found = [] if self.converged else [f"the search has not converged: {self._found.message}"]
-        found += remarks.of_data(self._told, self.calibration.names)
+        names, slopes = self.calibration.names, self._found.slopes
+        found += remarks.of_data(self._told, names)
+        if slopes.jumps:
+            method = self.calibration.study.targeting.base.run.method
+            found.append(remarks.of_jumps(slopes, names, self._told, method))
         if self._shift is not None and self._shift.large.any():
-            found.append(remarks.of_step(self._shift, self.calibration.names, self.step_shift, self._told))
+            found.append(remarks.of_step(self._shift, names, self.step_shift, self._told))
         bad = int((~self._points.good).sum())
         return found + ([remarks.of_failures(bad, self.sweep)] if bad else [])
 
@@ -155,7 +160,7 @@ class Fit:
             "message": self._found.message,
             "best": self.best,
             "interval_95": self.interval,
-            "interval_by": self._found.jacobian_by,
+            "interval_by": self._found.slopes.by,
             "correlation": self.correlation.tolist(),
             "chi2": state.chi2,
             "degrees_of_freedom": state.freedom,

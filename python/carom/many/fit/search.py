@@ -6,19 +6,18 @@ What a search asks for depends on its seed and on earlier answers alone: not on 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from carom.arrays import F64
-from carom.errors import CaromError, extra
+from carom.errors import extra
 from carom.many.fit.calibration import STEP
 from carom.many.fit.points import Exhausted, Points
 from carom.many.fit.process import Process
+from carom.many.fit.slopes import Slopes, jacobian, sides, slopes, steps_of
 
-#: Steps over the range that are tried where runs are noisy, and how often the change must exceed its noise.
-NOISY_STEPS, SIGNAL = (0.05, 0.1, 0.2), 3.0
 #: Relative changes below which least squares end: of chi squared and of the shares.
 FTOL, XTOL = 1e-6, 1e-6
 #: The same where runs are noisy.
@@ -43,11 +42,7 @@ class Found:
     """Number of the best point."""
     converged: bool
     message: str
-    jacobian: F64
-    """Change of the residuals with the shares, (data, parameters)."""
-    floor: float
-    """Singular values of the Jacobian up to here may be errors of its own."""
-    jacobian_by: str
+    slopes: Slopes
     noise: F64 | None = None
     """Standard deviation of the predicted residuals; None: the scatter of the seeds."""
 
@@ -84,39 +79,59 @@ def _chi2(points: Points, shares: F64) -> F64:
 
 
 def least_squares(points: Points) -> Found:
-    """scipy's trust region reflective method from one or several starts."""
-    optimize = _needs("scipy.optimize", "scipy")
+    """scipy's trust region reflective method from one or several starts; once more where its differences were no slopes."""
     calibration = points.calibration
     starts = np.vstack([calibration.first, _sampled(points, calibration.first_points - 1)])
-    numbers = points.at(starts)
-    noisy, message, ends = calibration.seeds > 1, "", []
-    steps = np.full(len(starts[0]), STEP)
+    good = [start for start, number in zip(starts, points.at(starts), strict=True) if points.good[number]]
+    steps, message = np.full(len(calibration.axes), STEP), ""
+    ends: list[int] = []
     try:
-        steps = _steps(points, starts[next(k for k, j in enumerate(numbers) if points.good[j])])
-        for start, number in zip(starts, numbers, strict=True):
-            if not points.good[number]:
-                continue
-            found = optimize.least_squares(
-                lambda shares: _residuals(points, shares),
-                start,
-                jac=lambda shares: _jacobian(points, shares, steps),
-                bounds=(0.0, 1.0),
-                ftol=NOISY_FTOL if noisy else FTOL,
-                xtol=NOISY_XTOL if noisy else XTOL,
-                gtol=NO_SLOPE,
-            )
-            ends.append(points.at(found.x)[0])
-            message = message or found.message
+        steps = steps_of(points, good[0])
+        for start in good:
+            number, told = _minimum(points, start, steps)
+            ends, message = [*ends, number], message or told
     except Exhausted:
-        message = f"the search ended after its {calibration.points} points; raise search.points"
+        message = _out_of_points(points)
     best = min(ends, key=points.chi2.__getitem__) if ends else int(np.argmin(points.chi2))
-    return _ended(points, best, len(ends) == sum(points.good[numbers]), message, steps)
+    found = _ended(points, best, len(ends) == len(good), message, steps)
+    return _again(points, found) if found.converged and found.slopes.jumps else found
+
+
+def _minimum(points: Points, start: F64, steps: F64) -> tuple[int, str]:
+    """Number of the point at which the search from one start ends, and why it does."""
+    noisy = points.calibration.seeds > 1
+    found = _needs("scipy.optimize", "scipy").least_squares(
+        lambda shares: _residuals(points, shares),
+        start,
+        jac=lambda shares: jacobian(points, shares, steps),
+        bounds=(0.0, 1.0),
+        ftol=NOISY_FTOL if noisy else FTOL,
+        xtol=NOISY_XTOL if noisy else XTOL,
+        gtol=NO_SLOPE,
+    )
+    return points.at(found.x)[0], str(found.message)
+
+
+def _again(points: Points, found: Found) -> Found:
+    """The search with the wider differences, from where it ended."""
+    points.limited, steps, jumps = True, 2 * found.slopes.steps, found.slopes.jumps
+    try:
+        best, message = _minimum(points, points.shares[found.best], steps)
+    except Exhausted:
+        points.limited = False
+        return replace(found, converged=False, message=_out_of_points(points))
+    ended = _ended(points, best, True, message, steps)
+    return replace(ended, slopes=replace(ended.slopes, jumps={**ended.slopes.jumps, **jumps}))
+
+
+def _out_of_points(points: Points) -> str:
+    return f"the search ended after its {points.calibration.points} points; raise search.points"
 
 
 def _ended(points: Points, best: int, converged: bool, message: str, steps: F64) -> Found:
     """The end of a search with the slopes at its best point."""
     points.limited = False
-    return Found(best, converged, message, *_slopes(points, best, steps))
+    return Found(best, converged, message, slopes(points, best, steps))
 
 
 def differential_evolution(points: Points) -> Found:
@@ -138,10 +153,10 @@ def differential_evolution(points: Points) -> Found:
         )
         converged, message = bool(found.success), str(found.message)
     except Exhausted:
-        message = f"the search ended after its {calibration.points} points; raise search.points"
+        message = _out_of_points(points)
     points.limited = False
     best = int(np.argmin(points.chi2))
-    return _ended(points, best, converged, message, _steps(points, points.shares[best]))
+    return _ended(points, best, converged, message, steps_of(points, points.shares[best]))
 
 
 def gaussian_process(points: Points) -> Found:
@@ -168,15 +183,16 @@ def gaussian_process(points: Points) -> Found:
     if calibration.seeds == 1:
         best = int(np.argmin(points.chi2))
     centre = points.shares[best]
-    jacobian = np.zeros((len(points.measured), n))
+    found = np.zeros((len(points.measured), n))
+    steps = np.full(n, calibration.difference or STEP)
     for k in range(n):
-        low, high = _sides(centre, k, calibration.difference or STEP)
-        jacobian[:, k] = (process.mean(high) - process.mean(low))[0] / (high[k] - low[k])
+        low, high = sides(centre, k, steps[k])
+        found[:, k] = (process.mean(high) - process.mean(low))[0] / (high[k] - low[k])
     noise = process.deviation(centre)[0]
     message = f"another point is expected to lower chi squared by {gain:.2g}"
     floor = 2 * float(np.linalg.norm(noise))
-    by = "slopes of the fitted Gaussian process"
-    return Found(best, gain < SETTLED * _enough(points), message, jacobian, floor, by, noise)
+    known = Slopes(found, floor, "slopes of the fitted Gaussian process", steps, {})
+    return Found(best, gain < SETTLED * _enough(points), message, known, noise)
 
 
 def _enough(points: Points) -> float:
