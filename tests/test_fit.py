@@ -399,6 +399,28 @@ WRONG: dict[str, tuple[dict[str, Any], list[dict[str, Any]], dict[str, Any], str
 }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"e": (0.5, 2.0)}, r"parameters.e: high = 2 is impossible: .*restitution must be at least 0 and at most 1"),
+        ({"mu": (-0.3, 0.3)}, r"parameters.mu: low = -0.3 is impossible: .*friction must be zero or positive, found -0.3"),
+        ({"mu": (-0.3, -0.1), "e": (0.0, 1.0)}, r"parameters.mu: low = -0.3 is impossible: .*; give another low"),
+        ({"run.step": (-1.0, 1e-3)}, r"parameters.run.step: low = -1 is impossible: step must be positive"),
+    ],
+)  # fmt: skip
+def test_an_impossible_bound_is_named_with_its_parameter(parameters: dict[str, Any], words: str) -> None:
+    targets = [{"quantity": "b.velocity.x", "value": 0.5, "uncertainty": 0.01}] * 2
+    with pytest.raises(CaromError, match=words):
+        Calibration.of(COLLISION, parameters, targets)
+
+
+def test_a_bound_that_another_parameter_mends_is_allowed() -> None:
+    """p*q is a restitution within 1 for other values of q."""
+    targets = [{"quantity": "b.velocity.x", "value": 0.5, "uncertainty": 0.01}] * 2
+    Calibration.of(COLLISION, {"p": (0.5, 1.2), "q": (0.7, 1.3)}, targets, set={"e": "= p*q - 0.1"})
+    Calibration.of(COLLISION, {"p": (0.0, 1.0)}, targets, set={"e": "= 0.1/p"})  # none at 0
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_a_mistake_is_named_with_its_place_and_cure(name: str, free: Path) -> None:
     parameters, targets, more, words = WRONG[name]

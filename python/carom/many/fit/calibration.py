@@ -122,12 +122,17 @@ class Calibration:
         study = Study.of(
             scene, {axis.name: {"seeds": len(axis.values)} for axis in axes if axis.crossed},
             table={axis.name: [value] for axis, value in zip(fitted, start, strict=True)},
-            measure=Measured(tuple(sorted(curves)), measure) if curves or measure is not None else None, **options,
+            measure=Measured(tuple(sorted(curves)), measure) if curves or measure is not None else None,
+            check=False, **options,
         )  # fmt: skip
         base, each = POINTS[search]
         most = base + each * len(fitted) if points is None else points
         made = cls(study, fitted, tuple(start), tuple(found), search, most, starts, seed, difference)
+        plan = made.plan  # refuses impossible bounds, from which an impossible start may follow
+        study.check()
         made._check(measure is not None)
+        if plan is not None:
+            checks.times(made.targets, plan.until)
         return made
 
     @classmethod
@@ -169,8 +174,6 @@ class Calibration:
                 f"search.difference: expected a share of the range up to 0.5, found {self.difference!r}"
             )
         checks.quantities(self, free)
-        if self.plan is not None:
-            checks.times(self.targets, self.plan.until)
 
     @cached_property
     def plan(self) -> Plan | None:

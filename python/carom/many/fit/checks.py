@@ -1,4 +1,4 @@
-"""What is refused before anything is simulated: quantities that no run has, times after its end."""
+"""What is refused before anything is simulated: impossible bounds, quantities that no run has, times after its end."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, ScenarioError, did_you_mean
 from carom.many.batch_result import KINEMATICS
 from carom.many.fit.data import Target, moving
 from carom.many.sweep.study import RESERVED
@@ -15,6 +15,8 @@ from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
     from carom.many.fit.calibration import Calibration
+    from carom.many.sweep.targets import Targets
+    from carom.scene.scene import Scene
 
 #: Columns of a run that are text.
 TEXTS = ("outcome", "message", "id", "carom", "build")
@@ -24,18 +26,45 @@ FAR = 10.0
 
 def plan_of(calibration: Calibration) -> Plan | None:
     """Steps and frames of all runs; None if they depend on a parameter."""
-    n, first = len(calibration.axes), calibration.first
-    shares = np.vstack([first, np.where(np.eye(n, dtype=bool), 0.0, first), np.where(np.eye(n), 1.0, first)])
-    study, found = calibration.study_of(calibration.values(shares)), set()
-    for k in range(len(shares)):
-        try:
-            scene = study.targeting.of_text(k * calibration.seeds)
-        except CaromError:  # not every bound can be simulated
-            continue
-        if scene.run.until is not None:
-            run, record = scene.run, scene.record
-            found.add(Plan.of(scene.run.until, run.step, record.every, record.contacts))
+    found = set()
+    for scene in at_bounds(calibration):
+        if scene.run.until is None:
+            return None
+        found.add(Plan.of(scene.run.until, scene.run.step, scene.record.every, scene.record.contacts))
     return found.pop() if len(found) == 1 else None
+
+
+def at_bounds(calibration: Calibration) -> list[Scene]:
+    """The scene at each bound of each parameter and at the start. Refuses a bound that no other parameter can mend."""
+    n, first, seeds = len(calibration.axes), calibration.first, calibration.seeds
+    tried = [(k, bound, rest) for k in range(n) for bound in (0.0, 1.0) for rest in (first, 0.0, 1.0)]
+    shares = [np.where(np.arange(n) == k, bound, rest) for k, bound, rest in tried]
+    study = calibration.study_of(calibration.values(np.array([*shares, first])))
+    found = []
+    for j in range(0, len(tried), 3):
+        scene = _first_of(study.targeting, range(j * seeds, (j + 3) * seeds, seeds))
+        if isinstance(scene, ScenarioError):
+            axis, [wrong, *_] = calibration.axes[tried[j][0]], scene.problems
+            word, value = ("high", axis.high) if tried[j][1] else ("low", axis.low)
+            raise CaromError(
+                f"parameters.{axis.name}: {word} = {value:g} is impossible: {wrong.key} {wrong.cause}; give another {word}"
+            )
+        if scene is not None:
+            found.append(scene)
+    return [*found, study.targeting.of_text(len(tried) * seeds)]
+
+
+def _first_of(targeting: Targets, cases: range) -> Scene | ScenarioError | None:
+    """The scene of the first case that has one, else what is wrong with the first; None if an expression has no value."""
+    errors = []
+    for case in cases:
+        try:
+            return targeting.of_text(case)
+        except ScenarioError as error:
+            errors.append(error)
+        except CaromError:  # points where it has none count as bad
+            return None
+    return errors[0]
 
 
 def quantities(calibration: Calibration, free: bool) -> None:

@@ -87,13 +87,15 @@ class Study:
         keep_runs: bool = False,
         bodies: Sequence[str] | None = None,
         measure: Measure | None = None,
+        check: bool = True,
         **options: Any,
     ) -> Study:
         """A study in Python; the arguments are the keys of a file, `options` those of `[run]`. `scene` may be the name of
         an example that comes with Carom, too.
 
         `Study.of("break.toml", {"v": (5.0, 12.0), "mu": [0.1, 0.2]}, design="sobol", count=1000)`: a pair is a range, a list
-        all its values. `set` says where values go: `{"cue.velocity.x": "= v*cos(aim)"}`.
+        all its values. `set` says where values go: `{"cue.velocity.x": "= v*cos(aim)"}`. Without `check` what cannot be
+        computed is refused later, by `study.check()`.
         """
         if isinstance(scene, Scene):
             text, source = scene.to_toml(), "scene"
@@ -118,7 +120,8 @@ class Study:
             bodies=None if bodies is None else (bodies,) if isinstance(bodies, str) else tuple(bodies),
             measure=measure,
         )
-        study.check()
+        if check:
+            study.check()
         return study
 
     @classmethod
@@ -245,7 +248,7 @@ def arguments(path: Path, raw: Mapping[str, Any]) -> dict[str, Any]:
     }
     run = raw.get("run", {})
     for key in run:
-        if key in (*found, "count", "seed", "measure"):
+        if key in (*found, "count", "seed", "measure", "check"):
             raise CaromError(
                 f"{path}: unknown key run.{key}; {did_you_mean(key, [*SINGLE['run'].model_fields])}"
             )
