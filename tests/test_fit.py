@@ -18,6 +18,7 @@ from carom import Calibration, CaromError
 from carom.cli.app import app
 from carom.many.fit.calibration import FILE_KEYS, SEARCHES
 from carom.many.fit.intervals import told
+from carom.many.fit.remarks import of_data
 from carom.scene.tables.model import SINGLE
 from sweep_studies import SCENARIO
 from typer.testing import CliRunner
@@ -152,6 +153,23 @@ class TestWhatTheDataDoNotTell:
         assert "the model or the uncertainties are not right" in found.remarks[0]
         low, high = found.interval["v"]  # type: ignore[misc]
         assert low < 1.0 < 1.05 < high
+
+    @pytest.mark.parametrize(
+        ("weak", "strong", "remarks"),
+        [
+            # The sets a, b and a, b, c: the smallest one, and c.
+            ([(1, -1, 0), (1, 1, 1)], (1, 1, -2), ["do not tell a and b apart", "do not determine c within its bounds"]),
+            ([(1, 1, 1), (1, -2, 1)], (1, 0, -1), ["do not tell a, b and c apart"]),  # one set twice
+        ],
+    )  # fmt: skip
+    def test_what_the_data_do_not_tell_apart_is_named_once(
+        self, weak: list[Any], strong: Any, remarks: list[str]
+    ) -> None:
+        directions = np.array([*weak, strong]) / np.linalg.norm([*weak, strong], axis=1, keepdims=True)
+        jacobian = np.diag([0.5, 1.0, 1000.0]) @ directions
+        found = told(jacobian, np.zeros(3), np.zeros(3), np.full(3, 0.5), 0.0)
+        assert found.hidden.all()
+        assert of_data(found, ["a", "b", "c"]) == [f"the data {remark}" for remark in remarks]
 
     def test_intervals_of_random_linear_models_hold_the_truth(self) -> None:
         """Theory alone, without runs: 95 % of 2000 data sets, with and without noise of the runs."""

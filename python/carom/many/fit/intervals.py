@@ -100,5 +100,6 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float, j
 
 
 def _groups(free: Array, directions: F64) -> list[list[int]]:
-    """The parameters that take part in some directions."""
-    return [free[np.abs(row) > TAKES_PART].tolist() for row in directions]
+    """The parameters that take part in some directions: each set once, and none that holds another."""
+    sets = {frozenset(free[np.abs(row) > TAKES_PART].tolist()) for row in directions}
+    return sorted(sorted(one) for one in sets if not any(other < one for other in sets))
