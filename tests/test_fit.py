@@ -371,9 +371,43 @@ class TestData:
         [read] = Calibration.of(free, V, [target], folder=free.parent).targets
         assert read.uncertainty == pytest.approx((1e-4, 3e-4))
         with pytest.raises(
-            CaromError, match=r"a.csv, column x: uncertainty has 3 numbers for 2 values; give one"
+            CaromError, match=r"a.csv, column x: uncertainty has 3 numbers for 2 rows; give one"
         ):
             Calibration.of(free, V, [{**target, "uncertainty": [1e-4] * 3}], folder=free.parent)
+
+    def test_a_cell_without_a_number_is_left_out_for_its_column_alone(self, free: Path) -> None:
+        rows = [
+            "t;x;y;s",
+            "0;0,0;0;1e-4",
+            "0,005;;0;1e-4",
+            "0,01;NaN;0;1e-4",
+            "0,015;0,0165;NA;1e-4",
+            "0,02;0,022;0;",
+            ";;;",
+        ]
+        (free.parent / "a.csv").write_text("\n".join(rows) + "\n")
+        target = {"file": "a.csv", "ball": "cue", "uncertainty": "s"}
+        x, y = Calibration.of(free, V, [target], folder=free.parent).targets
+        assert (x.time, x.value, x.lines, x.left_out) == ((0.0, 0.015), (0.0, 0.0165), (2, 5), 3)
+        assert (y.time, y.lines, y.left_out) == ((0.0, 0.005, 0.01), (2, 3, 4), 2)
+        found = carom.fit(
+            Calibration.of(free, V, [target], folder=free.parent), free.parent / "fit", workers=0
+        )
+        assert found.best["v"] == pytest.approx(1.1, abs=1e-6)
+        told = "rows without a number are left out: 3 of 5 of cue.position.x and 2 of 5 of cue.position.y"
+        assert told in found.remarks
+        assert [t["left_out"] for t in found.summary["targets"]] == [3, 2]
+
+    @pytest.mark.parametrize("separator", [";", "\t"])
+    def test_semicolons_and_tabs_are_read_like_commas(self, separator: str, free: Path) -> None:
+        text = "t (ms),x (mm)\n0,0\n10,10.5\n20,21\n"
+        found = []
+        for name, content in (("a.csv", text), ("b.csv", text.replace(",", separator))):
+            (free.parent / name).write_text(content)
+            target = {"file": name, "ball": "cue", "uncertainty": 1e-4}
+            [read] = Calibration.of(free, V, [target], folder=free.parent).targets
+            found.append((read.time, read.value))
+        assert found[0] == found[1]
 
     def test_curves_of_a_measure(self, free: Path) -> None:
         def speed(result: carom.Result) -> dict[str, Any]:
@@ -450,7 +484,13 @@ def test_a_mistake_is_named_with_its_place_and_cure(name: str, free: Path) -> No
     ("text", "words"),
     [
         ("time,y1\n0,1\n", "needs to be told what its columns are"),
-        ("time,x\n0,1\n1,nan\n", r"row 3: x is 'nan', not a number"),
+        (
+            "time,x\n0,1\n1,-\n",
+            r"row 3: x is '-', not a number; leave the cell empty where nothing was measured",
+        ),
+        ("time,x\n0,\n1,nan\n", "column x has no number with an uncertainty; leave it out"),
+        ("time,x\n0,1\n,1\n", "column x, row 3: a number without a time"),
+        ("time,x\n0,1\n1,2,5\n", "row 3: 3 values for 2 columns between commas"),
         ("seconds,x\n0,1\n1,2\n", 'has no column "time"'),
         ("time,x (furlong)\n0,1\n1,2\n", 'column x: unknown unit "furlong"'),
         ("time,x (s)\n0,1\n1,2\n", "expected a length"),

@@ -41,6 +41,8 @@ class Target:
     time: tuple[float, ...] | None = None
     lines: tuple[int, ...] = ()
     """Lines of the file that the values are from."""
+    left_out: int = 0
+    """Rows of the file without a number."""
 
     @property
     def columns(self) -> list[str]:
@@ -123,7 +125,7 @@ def read(place: str, given: Mapping[str, Any], folder: Path) -> list[Target]:
 
 
 def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
-    read_, table = read_table(path), {}
+    read_, table = read_table(path, gaps=True), {}
     for heading, numbers in read_.columns.items():
         name, unit = match.groups() if (match := _HEADING.fullmatch(heading)) else (heading, None)
         table[name] = (numbers, unit)
@@ -145,18 +147,38 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
             1.0 if not unit else _factor(f"{place}: {path}, column {name}", unit, quantity)
         )
 
-    time = tuple(read_off(named, None, "time_unit").tolist())
+    time = read_off(named, None, "time_unit")
     found = []
     for name, quantity in chosen.items():
-        sigma = given["uncertainty"]
+        sigma, here = given["uncertainty"], f"{place}: {path}, column {name}"
         if isinstance(sigma, str) and sigma in table:
-            deviations = tuple(read_off(sigma, quantity, "unit").tolist())
+            deviations = read_off(sigma, quantity, "unit")
         else:
-            deviations = _si(f"{place}.uncertainty", sigma, quantity)
-        values = tuple(read_off(name, quantity, "unit").tolist())
-        target = _target(f"{place}: {path}, column {name}", quantity, values, deviations, time)
-        found.append(replace(target, lines=tuple(read_.lines)))
+            deviations = np.array(_si(f"{place}.uncertainty", sigma, quantity))
+        values = read_off(name, quantity, "unit")
+        if len(deviations) == 1:
+            deviations = np.repeat(deviations, len(values))
+        found.append(_present(here, quantity, values, deviations, time, read_.lines))
     return found
+
+
+def _present(place: str, quantity: str, values: F64, sigma: F64, time: F64, lines: Sequence[int]) -> Target:
+    """The target of a column: of the rows that have a number and its uncertainty."""
+    if len(sigma) != len(values):
+        told = f"{counted(len(sigma), 'number')} for {counted(len(values), 'row')}"
+        raise CaromError(f"{place}: uncertainty has {told}; give one number, or one for each row")
+    there = np.isfinite(values) & np.isfinite(sigma)
+    if not there.any():
+        raise CaromError(f"{place} has no number with an uncertainty; leave it out of the target")
+    untimed = [line for line, ok, t in zip(lines, there, time, strict=True) if ok and t != t]
+    if untimed:
+        raise CaromError(
+            f"{place}, row {untimed[0]}: a number without a time; write its time, or leave out the row"
+        )
+    values, sigma, time = values[there], sigma[there], time[there]
+    target = _target(place, quantity, tuple(values.tolist()), tuple(sigma.tolist()), tuple(time.tolist()))
+    kept = tuple(line for line, ok in zip(lines, there, strict=True) if ok)
+    return replace(target, lines=kept, left_out=int((~there).sum()))
 
 
 def _target(

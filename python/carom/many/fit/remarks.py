@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from carom.errors import counted
+from carom.many.fit.data import Target
 from carom.many.fit.intervals import Told
 from carom.many.fit.slopes import Slopes
 from carom.many.fit.smaller_step import Shift
@@ -48,6 +49,16 @@ def of_data(told: Told, names: Sequence[str]) -> list[str]:
             f" not right; the intervals are widened by {told.widened:.3g}"
         )
     return found
+
+
+def of_gaps(targets: Sequence[Target]) -> list[str]:
+    """How many rows of the files have no number."""
+    which = [
+        f"{target.left_out} of {target.left_out + len(target.value)} of {target.quantity}"
+        for target in targets
+        if target.left_out
+    ]
+    return [f"rows without a number are left out: {listed(which)}"] if which else []
 
 
 def of_jumps(slopes: Slopes, names: Sequence[str], told: Told, method: str) -> str:

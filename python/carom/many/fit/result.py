@@ -114,7 +114,7 @@ class Fit:
         """What the numbers alone do not say: what is not determined, a poor fit, a search that was cut short."""
         found = [] if self.converged else [f"the search has not converged: {self._found.message}"]
         names, slopes = self.calibration.names, self._found.slopes
-        found += remarks.of_data(self._told, names)
+        found += remarks.of_gaps(self.calibration.targets) + remarks.of_data(self._told, names)
         if slopes.jumps:
             method = self.calibration.study.targeting.base.run.method
             found.append(remarks.of_jumps(slopes, names, self._told, method))
@@ -177,6 +177,7 @@ class Fit:
                     "place": target.place,
                     "quantity": target.quantity,
                     "values": len(target.value),
+                    "left_out": target.left_out,
                     "chi2": chi2,
                 }
                 for target, chi2 in zip(self.calibration.targets, self._shares_of_chi2(), strict=True)
