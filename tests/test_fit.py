@@ -418,6 +418,23 @@ class TestData:
         assert found.best["v"] == pytest.approx(1.1, abs=1e-6)
         assert found.sweep["one"].tolist() == [1.0] * len(found.sweep)
 
+    def test_frames_that_are_farther_apart_than_measurements_are_named_before_any_run(
+        self, free: Path
+    ) -> None:
+        times = [0.0, 0.004, 0.008, 0.012]
+        target = {**CURVE, "time": times, "value": times}
+        calibration = Calibration.of(free, V, [target], every=10)
+        told = r"frames of the runs every 0\.01 s lie under measurements every 0\.004 s; write every = 4 below \[run\]"
+        with pytest.warns(carom.CaromWarning, match=told):
+            found = carom.fit(calibration, free.parent / "fit", workers=0)
+        assert found.remarks[0].startswith("frames of the runs every 0.01 s")
+        mended = carom.fit(
+            Calibration.of(free, V, [target], every=4), free.parent / "4", workers=0
+        )  # warnings are errors
+        assert mended.remarks == []
+        with pytest.warns(carom.CaromWarning, match=r"write step = 0\.004 below \[run\], or less"):
+            carom.fit(Calibration.of(free, V, [target], step=0.01), free.parent / "step", workers=0)
+
 
 V = {"v": (0.5, 1.5)}
 CURVE = {"quantity": "cue.position.x", "time": [0.0, 0.02], "value": [0.0, 0.02], "uncertainty": 1e-4}

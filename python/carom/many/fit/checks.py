@@ -108,3 +108,18 @@ def times(targets: tuple[Target, ...], end: float) -> None:
                 f"{target.place}{row}: a time of {target.time[late[0]]:g} s is after the end of the run at"
                 f" {end:g} s; {cure}"
             )
+
+
+def coarse(calibration: Calibration) -> str | None:
+    """A remark where frames are farther apart than measurements; None where they are not, or where it is not known."""
+    plan = calibration.plan
+    curves = [t.time for t in calibration.targets if t.time and len(t.time) > 1 and moving(t.quantity)]
+    if plan is None or not curves:
+        return None
+    frame = plan.every * plan.step
+    apart = min(float(np.median(np.diff(np.sort(time)))) for time in curves)
+    if frame <= apart * (1 + 1e-9):
+        return None
+    every = int(apart / plan.step + 1e-9)
+    cure = f"write every = {every} below [run]" if every else f"write step = {apart:.3g} below [run], or less"
+    return f"frames of the runs every {frame:.3g} s lie under measurements every {apart:.3g} s; {cure}"

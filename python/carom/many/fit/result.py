@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -11,9 +12,9 @@ import numpy as np
 
 import carom
 from carom.arrays import F64
-from carom.errors import CaromError
+from carom.errors import CaromError, CaromWarning
 from carom.files import csv_bytes, finite, inside, json_bytes, write_whole
-from carom.many.fit import plot, remarks
+from carom.many.fit import checks, plot, remarks
 from carom.many.fit.calibration import Calibration
 from carom.many.fit.intervals import told
 from carom.many.fit.points import Points, State
@@ -49,6 +50,8 @@ def fit(
         calibration = Calibration.from_toml(calibration, measure)
     elif measure is not None:
         raise CaromError("fit: give measure to Calibration.of, or the path of a fit and measure here")
+    if coarse := checks.coarse(calibration):
+        warnings.warn(coarse, CaromWarning, stacklevel=2)
     folder = Folder(Path(out).absolute(), keep=True)
     with folder.driving(), Team.of(workers, scheduler) as team:
         points = Points(calibration, folder, team, retry_failed, progress)
@@ -114,6 +117,8 @@ class Fit:
         """What the numbers alone do not say: what is not determined, a poor fit, a search that was cut short."""
         found = [] if self.converged else [f"the search has not converged: {self._found.message}"]
         names, slopes = self.calibration.names, self._found.slopes
+        coarse = checks.coarse(self.calibration)
+        found += [coarse] if coarse else []
         found += remarks.of_gaps(self.calibration.targets) + remarks.of_data(self._told, names)
         if slopes.jumps:
             method = self.calibration.study.targeting.base.run.method
