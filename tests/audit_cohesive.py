@@ -1,4 +1,4 @@
-"""Random scenes for the auditor: balls that stick to one another and to walls that rest and shake.
+"""Random scenes for the auditor: balls, and clumps of two or three, that stick to one another and to walls that rest and shake.
 
 python tests/audit_cohesive.py 200       # simulates and judges 200 scenes, and says which were found at fault
 python tests/audit_cohesive.py 1 37      # the scene of seed 37 alone, and the report on it
@@ -43,20 +43,34 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
     elif kind == "mesh" and not periodic:
         corners = [(-0.05, -0.05, 0.0), (0.05, -0.05, 0.0), (0.05, 0.05, 0.001), (-0.05, 0.05, 0.001)]
         made.mesh("sheet", vertices=corners, triangles=[(0, 1, 2), (0, 2, 3)], material="wall")
+    of_clumps = np.random.default_rng([seed, 313])
+    clumps = of_clumps.random() < 0.4
     for k in range(one(1, 2, 3, 6, 12)):
         place = (0.0103 * (k % 3), 0.0102 * ((k // 3) % 2), 0.0065 + 0.0105 * (k // 6))
-        made.sphere(f"b{k}", radius=R, density=2500, material="grain", position=place,
-                    velocity=(0.3 * rng.uniform(-1, 1, 3)).tolist())  # fmt: skip
-    if one(False, False, True):
+        motion = {"position": place, "velocity": (0.3 * rng.uniform(-1, 1, 3)).tolist()}
+        if clumps and of_clumps.random() < 0.7:
+            _clump(made, f"b{k}", of_clumps, **motion)
+        else:
+            made.sphere(f"b{k}", radius=R, density=2500, material="grain", **motion)
+    if one(False, False, True) and not clumps:
         made.load("b0", force=[0, 0, {"expression": "0.02*sin(100*t)"}])
     options: dict[str, Any] = {
-        "method": one("nsga", "nsga", "moreau"),
+        "method": "nsga" if clumps else one("nsga", "nsga", "moreau"),
         "step": one(1e-3, 5e-4, 1e-4),
         "every": one(1, 1, 1, 3),
         "impacts": one("every", True, False),
         "contacts": one(True, True, True, False),
     }
     return made, options
+
+
+def _clump(made: carom.Scene, name: str, rng: np.random.Generator, **motion: Any) -> None:
+    """Two or three balls within the ball of radius R."""
+    r = R * rng.uniform(0.4, 0.6)
+    spheres = [[R - r, 0, 0, r], [r - R, 0, 0, r], [0, 0.5 * R, 0, 0.5 * R]][: int(rng.integers(2, 4))]
+    turn = rng.normal(size=4)
+    made.clump(name, material="grain", spheres=spheres, density=2500, orientation=(turn / np.linalg.norm(turn)).tolist(),
+               angular_velocity=(20.0 * rng.normal(size=3)).tolist(), **motion)  # fmt: skip
 
 
 if __name__ == "__main__":

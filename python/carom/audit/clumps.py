@@ -16,7 +16,7 @@ import numpy as np
 from carom.arrays import F64, Bool
 from carom.audit import carried, flights, forces, gaps, groups, hits, rigid, turning
 from carom.audit.block import Block, Rows, once
-from carom.audit.loads import solved_again
+from carom.audit.loads import of_loads, solved_again
 from carom.audit.motion import CONTACTS, RECORD, largest, rounding
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, conjugate, norm, product, rotation_vector
@@ -33,6 +33,8 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         return
     _as_one(block, tally)
     apart, there = (np.asarray(run.clumps.over(np.logical_and, of)) for of in (free, block.there))
+    pulled = of_loads(block).unknown[:, run.clumps.first]  # what is not judged of them is counted with the balls
+    there &= ~pulled
     known = np.asarray(there & (apart | (block.kept & run.has_contacts)[:, None]))
     unseen = int((there & ~known).sum())
     for kind in KINDS:
