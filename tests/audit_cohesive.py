@@ -1,4 +1,4 @@
-"""Random scenes for the auditor: balls, and clumps of two or three, that stick to one another and to walls that rest and shake.
+"""Random scenes for the auditor: balls and clumps that stick to one another and to walls that rest and shake.
 
 python tests/audit_cohesive.py 200       # simulates and judges 200 scenes, and says which were found at fault
 python tests/audit_cohesive.py 1 37      # the scene of seed 37 alone, and the report on it

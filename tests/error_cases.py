@@ -85,12 +85,6 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("drag", RIGID + '[[drag]]\non = "cue"\ntranslation = 1.0\n'),
         ("load_function", RIGID + '[[load_function]]\nname = "f"\n'),
     ],
-    "cohesion does not act in a scene with clumps yet": [
-        (
-            "cohesion",
-            "restitution = 0.9 -> restitution = 0.9\ncohesion = 1.0\nrupture_distance = 1e-4\n\n" + RIGID,
-        )
-    ],
     "clumps need method nsga, found ...": [
         ("run.method", f'step = 1e-3 -> step = 1e-3\nmethod = "{method}"\n\n{RIGID}')
         for method in ("moreau", "penalty", "events")
