@@ -329,3 +329,20 @@ def test_limits_are_kept() -> None:
     begin = time.perf_counter()
     problem.solve("gauss-seidel", tol=1e-300, time_limit=0.2, on_nonconvergence="return")
     assert time.perf_counter() - begin < 2.0
+
+
+@pytest.mark.parametrize("solver", ["auto", "newton", "gauss-seidel", "interior-point"])
+@pytest.mark.parametrize("mu", [1e4, 1e8, 1e12])
+def test_friction_without_bound_is_no_slip(solver: str, mu: float) -> None:
+    """The natural map is `u_N/mu` where nothing pushes: it called an open contact solved, of which all closed."""
+    problem = ContactProblem.from_matrices(np.eye(3), [-1, 3, 4], [mu])
+    solution = problem.solve(solver)
+    assert solution.r == pytest.approx([1, -3, -4], abs=1e-7)
+    assert problem.residual(solution.r).penetration < 1e-7
+
+
+def test_what_still_closes_is_not_solved() -> None:
+    problem = ContactProblem.from_matrices(np.eye(3), [-1, 3, 4], [1e9])
+    stopped = problem.solve("admm", max_iterations=5, on_nonconvergence="return")
+    assert stopped.residual.penetration > 0.5
+    assert not stopped.converged

@@ -90,14 +90,14 @@ pub fn residual(problem: &Problem, r: &[f64], u: &mut [f64]) -> f64 {
     residuals(problem, r, u).0
 }
 
-/// [`residual`], and `|F| / max(|q|, |u|)`: forces that run away on a singular W make the first as small as one likes where
-/// contacts cannot be kept apart, but not the second.
+/// [`residual`], and `max(|F|, -u_N) / max(|q|, |u|)`: forces that run away on a singular W make the first as small as one likes where contacts
+/// cannot be kept apart, but not the second; and so does friction that lets the cone be nearly a half-space, beside which `F` is `u_N/mu`.
 pub fn residuals(problem: &Problem, r: &[f64], u: &mut [f64]) -> (f64, f64) {
     problem.velocity(r, u);
     let (moves, force) = (norm(&problem.q).max(norm(u)), norm(r));
     if SQUARES.contains(&moves.max(force)) {
-        let f = natural_map(problem, r, u);
-        return quotients(f, moves, force);
+        let sizes = natural_map(problem, r, u);
+        return quotients(sizes, moves, force);
     }
     // Homogeneous of degree 1: measured in units of the largest number. A NaN is lost neither here nor above.
     let mut largest = 0.0;
@@ -116,23 +116,24 @@ pub fn residuals(problem: &Problem, r: &[f64], u: &mut [f64]) -> (f64, f64) {
     quotients(f, norm(&q).max(norm(&u)), norm(&r))
 }
 
-fn quotients(f: f64, moves: f64, force: f64) -> (f64, f64) {
-    if !f.is_finite() {
-        (f64::INFINITY, f64::INFINITY)
-    } else if f == 0.0 {
-        (0.0, 0.0)
-    } else {
-        (f / moves.max(force), f / moves)
+fn quotients([f, closing]: [f64; 2], moves: f64, force: f64) -> (f64, f64) {
+    let over = |size: f64, by: f64| if size == 0.0 { 0.0 } else { size / by };
+    match f.is_finite() {
+        true => (over(f, moves.max(force)), over(f.max(closing), moves)),
+        false => (f64::INFINITY, f64::INFINITY),
     }
 }
 
-/// `|F|`.
-fn natural_map(problem: &Problem, r: &[f64], u: &[f64]) -> f64 {
-    let mut sum = 0.0;
+/// `|F|`, and the largest `-u_N` of a contact, at least 0.
+fn natural_map(problem: &Problem, r: &[f64], u: &[f64]) -> [f64; 2] {
+    let (mut sum, mut closing) = (0.0, 0.0f64);
     for group in &problem.groups {
         let rows = group.rows();
+        if !group.bilateral {
+            closing = closing.max(-u[rows.start]);
+        }
         let f = natural_part(group, &r[rows.clone()], &u[rows]);
         sum += f.iter().map(|f| f * f).sum::<f64>();
     }
-    sum.sqrt()
+    [sum.sqrt(), closing]
 }

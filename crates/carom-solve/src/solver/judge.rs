@@ -4,7 +4,7 @@ use crate::problem::{natural, Problem, Scaled};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Where contacts cannot be kept apart, forces without bound make `err` as small as one likes. Where they are, scaled, this
+/// Where contacts cannot be kept apart, forces without bound make `err` as small as one likes, and so does friction without bound. Where they are, scaled, this
 /// many times the velocities, the natural map must come below the second number over velocities alone, and stands for
 /// `err` until then.
 const RUNAWAY: f64 = 1e3;
