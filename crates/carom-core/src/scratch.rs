@@ -7,7 +7,7 @@ use crate::force::LoadError;
 use crate::impact::ImpactScratch;
 use crate::islands::Islands;
 use crate::level::coupling::Trial;
-use crate::level::smooth::SmoothScratch;
+use crate::level::smooth_newton::SmoothScratch;
 use crate::model::Model;
 use crate::outcome::{History, ImpactRecord, Level};
 use crate::parallel::Sharing;

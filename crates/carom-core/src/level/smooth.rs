@@ -14,8 +14,6 @@ use crate::stepper::generalized_alpha::Prediction;
 use crate::stepper::method::Step;
 use carom_solve::team;
 
-pub use super::smooth_newton::SmoothScratch;
-
 /// Largest residual over its terms (1) with which the smooth sub-problem counts as solved; `tolerance` may ask for less. Too large: what it
 /// leaves is an error of the loads, and joints drift by it. Too small costs nothing: what rounding leaves counts as solved.
 const TOLERANCE: f64 = 1e-10;
