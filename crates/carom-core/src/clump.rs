@@ -55,42 +55,35 @@ pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
             acceleration: (end - w) / h,
         };
         for ball in clump.balls.clone() {
-            scratch.linear[ball] = Prediction::default();
+            (scratch.linear[ball], scratch.angular[ball]) =
+                (Prediction::default(), scratch.angular[i]);
         }
     }
-    scratch.clumps.moment.fill(DVec3::ZERO);
-    take_along(model, state, scratch);
-    Ok(())
-}
-
-/// The balls of clumps where these are, as fast as these are.
-fn take_along(model: &Model, state: &State, scratch: &mut Scratch) {
     place(model, state, scratch, |_| [DVec3::ZERO; 2]);
     for (_, i, clump) in present(model, state) {
         for ball in clump.balls.clone() {
             scratch.linear[ball].displacement = scratch.position[ball] - state.position[ball];
-            scratch.angular[ball] = scratch.angular[i];
         }
         give(clump, i, scratch);
     }
     let clumps = &mut scratch.clumps;
     clumps.at_loads.clone_from(&clumps.orientation);
+    clumps.moment.fill(DVec3::ZERO);
+    Ok(())
 }
 
-/// Turns clumps by what loads gave their balls in the step ([`places::Clumps::push`]), of which positions have the share `way` (s) of the velocities.
+/// Turns clumps by what loads gave their balls in the step ([`places::Clumps::push`]), of which places have the share `way` (s) of the velocities.
 pub(crate) fn turn_by_loads(model: &Model, state: &State, scratch: &mut Scratch, way: f64) {
-    if model.clumps.is_empty() {
-        return;
-    }
     for (number, i, clump) in present(model, state) {
-        let moment = scratch.clumps.moment[number];
-        let (q, to) = (state.orientation[i], scratch.clumps.orientation[number]);
-        let to = advance(way * clump.turning(to, moment), to);
-        let momentum = clump.momentum(q, state.angular_velocity[i]) + moment;
-        scratch.angular[i].displacement = increment(to * q.inverse());
+        let (moment, to) = (
+            scratch.clumps.moment[number],
+            scratch.clumps.orientation[number],
+        );
+        let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]) + moment;
         scratch.angular[i].velocity = clump.turning(to, momentum);
+        scratch.pulled[i][1] = way * clump.turning(to, moment);
+        give(clump, i, scratch);
     }
-    take_along(model, state, scratch);
 }
 
 /// Puts clumps where their centres are and turns them; `moved` are the corrections of both since the smooth step. Their balls follow.

@@ -158,6 +158,7 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
         0.5 * h
     };
     let (mut pulls, mut driven_pulls) = (Vec::new(), Vec::new());
+    scratch.pulled.fill([DVec3::ZERO; 2]);
     // Centres of t_n, in the box of then.
     let course = &mut scratch.walls.periodic;
     let now = std::mem::replace(&mut course.now, course.start);
@@ -208,10 +209,15 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
     for (a, b, impulse) in pulls {
         for (body, sign) in [(a, 1.0), (b, -1.0)] {
             if let Some(i) = scratch.clumps.push(model, body, sign * impulse) {
+                let change = sign * model.inv_mass[i] * impulse;
                 let p = &mut scratch.linear[i];
-                p.velocity += sign * model.inv_mass[i] * impulse;
-                p.displacement += sign * way * model.inv_mass[i] * impulse;
-                scratch.position[i] = state.position[i] + p.displacement;
+                p.velocity += change;
+                if let Some(by) = scratch.pulled.get_mut(i) {
+                    by[0] += way * change;
+                } else {
+                    p.displacement += way * change;
+                    scratch.position[i] = state.position[i] + p.displacement;
+                }
             }
         }
     }

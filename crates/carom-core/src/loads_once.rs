@@ -56,12 +56,15 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
     }
 }
 
-/// Where the loads bring the spheres: `(h/2) W0` in place of the jumps W0, and the positions that follow.
+/// Where the loads bring the spheres, and cohesion: `(h/2) W0` in place of the jumps W0, and the positions that follow.
 pub(crate) fn advance(model: &Model, state: &State, scratch: &mut Scratch, h: f64) {
     let (threads, half) = (model.options.threads as usize, 0.5 * h);
     team::each(threads, &mut scratch.load_shift, |way| {
         *way = way.map(|w0| half * w0);
     });
+    for (way, by) in scratch.load_shift.iter_mut().zip(&scratch.pulled) {
+        *way = [way[0] + by[0], way[1] + by[1]];
+    }
     team::each(threads, &mut scratch.contacts, |c| {
         c.moved = c.load.map(|load| half * load);
     });

@@ -34,6 +34,8 @@ pub struct Scratch {
     pub position: Vec<DVec3>,
     /// Where loads are solved once: the jumps of velocity that they make, then the ways and turns that follow from these. Empty elsewhere.
     pub load_shift: Vec<[DVec3; 2]>,
+    /// Ways and turns by cohesion, which join them: loads answer it where the smooth motion alone ends. Empty where nothing is cohesive, too.
+    pub(crate) pulled: Vec<[DVec3; 2]>,
     pub need: Vec<f64>,
     /// Smallest radius, m.
     pub smallest: f64,
@@ -99,6 +101,10 @@ impl Scratch {
             jump: vec![[DVec3::ZERO; 2]; n],
             position: vec![DVec3::ZERO; n],
             load_shift: match model.options.loads_once() {
+                true => vec![[DVec3::ZERO; 2]; n],
+                false => Vec::new(),
+            },
+            pulled: match model.options.loads_once() && model.cohesive_reach() > 0.0 {
                 true => vec![[DVec3::ZERO; 2]; n],
                 false => Vec::new(),
             },

@@ -35,11 +35,13 @@ pub(crate) const MAX_RELIST: u32 = 20;
 pub fn step(on: &mut Step) -> Result<(), Failure> {
     predict_and_smooth(on)?;
     on.timers.mark(Phase::Predict);
+    let mut fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
     if on.model.cohesive_reach() > 0.0 {
-        list_pairs(on.model, on.state, on.scratch, on.span.h)?;
         cohesion::pull(on, on.span)?;
+        if !on.model.options.loads_once() {
+            fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
+        }
     }
-    let fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
     travel::check(on.model, on.state, on.scratch, fastest)?;
     on.timers.mark(Phase::Broad);
     meet(on.model, on.state, on.scratch)?;
