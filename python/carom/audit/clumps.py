@@ -33,7 +33,9 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         return
     _as_one(block, tally)
     apart, there = (np.asarray(run.clumps.over(np.logical_and, of)) for of in (free, block.there))
-    pulled = of_loads(block).unknown[:, run.clumps.first]  # what is not judged of them is counted with the balls
+    pulled = of_loads(block).unknown[
+        :, run.clumps.first
+    ]  # what is not judged of them is counted with the balls
     there &= ~pulled
     known = np.asarray(there & (apart | (block.kept & run.has_contacts)[:, None]))
     unseen = int((there & ~known).sum())

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array, connected
-from carom.audit import carried, cohesion, flights, flows, rigid
+from carom.audit import cohesion, flows, free_turns, rigid
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.near import MARGIN, Near
@@ -165,9 +165,8 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     run, n = block.run, block.run.bodies
     if run.method != "nsga":
         return
-    fall = block.x0 + run.h * block.v0 + 0.5 * run.h**2 * run.falls + carried.of_block(block).way
-    if run.clumps:
-        fall = np.where(run.in_clump[:, None], flights.of_block(block).x, fall)
+    fall = free_turns.places(block)
+    fall = np.where(np.isfinite(fall), fall, block.x1)
     a, b, k, ball = near.a, near.b, near.k, np.minimum(near.b, n - 1)
     gap, _ = run.meet(block.t1[k], a, b, fall[k, a], fall[k, ball])
     length = np.minimum(run.radius[a], run.length[np.minimum(b, n)])
@@ -175,7 +174,7 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     noise = 64.0 * EPS * noise
     loaded = run.answering.copy()
     loaded[[load["body"] for load in run.loads if load["kind"] == "force"]] = True
-    loaded |= run.cohesive
+    loaded |= run.cohesive and not run.loads_once  # else they are looked for before it pulls
     loose = loaded[a] | loaded[ball] & (b < n)
     lawful = run.law_index(a, b) >= 0
     near_by = (~loose & (gap <= MARGIN * length - noise), loose | (gap <= MARGIN * length + noise))

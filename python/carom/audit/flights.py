@@ -15,7 +15,7 @@ import numpy as np
 from carom.arrays import F64, I64
 from carom.audit import carried, cohesion, free_turns, rigid
 from carom.audit.block import Block, once
-from carom.audit.vectors import cross, dot, exponential, norm, product, rotated
+from carom.audit.vectors import conjugate, cross, dot, exponential, norm, product, rotated, rotation_vector
 
 Motion = tuple[F64, F64, F64, F64]
 
@@ -51,9 +51,10 @@ def of_block(block: Block) -> Flights:
     push_off, kick_off = clumps.sum(slack), clumps.sum(slack * arm)
     rows[..., :3] += (0.5 * dt / clumps.mass)[..., None] * push
     rows[..., 7:10] += push / clumps.mass[:, None]
-    turned = exponential(0.5 * dt[..., None] * clumps.turning(rows[..., 3:7], kick))
+    turn = rotation_vector(product(rows[..., 3:7], conjugate(old[..., 3:7])))
+    turn = turn + 0.5 * dt[..., None] * clumps.turning(rows[..., 3:7], kick)
     kicked = (kick != 0.0).any(axis=-1, keepdims=True)
-    rows[..., 3:7] = np.where(kicked, product(turned, rows[..., 3:7]), rows[..., 3:7])
+    rows[..., 3:7] = np.where(kicked, product(exponential(turn), old[..., 3:7]), rows[..., 3:7])
     rows[..., 10:] = clumps.turning(rows[..., 3:7], clumps.momenta(old) + kick)
     spin = np.maximum(norm(old[..., 10:]), norm(block.c1[..., 10:]))
     off = block.updates[:, None] * rigid.scheme(spin, run.h) + kick_off / clumps.least * dt

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import carried, flights, groups, hits
+from carom.audit import carried, cohesion, free_turns, groups, hits
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.formula import law
@@ -217,12 +217,14 @@ def _through(block: Block) -> F64:
 
 
 def solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
-    """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved, a
-    clump since its free flight.
+    """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved, but
+    for attraction, and a clump since its free flight.
     """
     c, run = block.rows, block.run
-    x, other = block.x1 - shift / run.mass[:, None], np.minimum(c.b, run.bodies - 1)
+    pulled = 0.5 * run.h * cohesion.on_bodies(block)[0]
+    x, other = block.x1 - (shift + pulled) / run.mass[:, None], np.minimum(c.b, run.bodies - 1)
     if run.clumps:
-        x = np.where(run.in_clump[:, None], flights.of_block(block).x, x)
+        free = free_turns.places(block)
+        x = np.where(run.in_clump[:, None] & np.isfinite(free), free, x)
     _, then = run.meet(block.t1[c.k], c.a, c.b, x[c.k, c.a], x[c.k, other])
     return first_normals(run, c.a, c.b, block.start[1], then), then
