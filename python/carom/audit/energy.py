@@ -349,7 +349,8 @@ def rises(run: Run, tally: Tally) -> None:
     swings by, `(pi/resolution)^2/4`. Works of moving walls are exact for constant velocities, else off by the share by which
     these change in the step; those of springs, drag and joints by the change of power within it, which the second difference
     of the kinetic energy shows, and by those of the steps before as long as the filter remembers them (`loads.remembered`);
-    in an impact, after which the kinetic energy may be what it was, by `_grip` of it in a step.
+    in an impact, after which the kinetic energy may be what it was, by `_grip` of it in a step. What sticks is pulled along one
+    line in a step in which it turns: by the third order of that.
     """
     s, o = run.steps, run.options
     h = run.h
@@ -387,6 +388,10 @@ def rises(run: Run, tally: Tally) -> None:
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
+        # What sticks turns in a step, in which it is pulled along one line: of third order.
+        fastest = np.sqrt(2.0 * motion / run.mass.min())
+        turn = np.minimum(h * fastest / run.radius.min(), 1.0)
+        bound = bound + np.sqrt(2.0 * s["contacts"]) * strongest * h * fastest * turn**2
         # Of a wall that goes away nothing is torn off.
         gone = sum(~wall.there(s["time"] - 0.5 * h) & wall.there(s["time"] - 1.5 * h) for wall in run.walls)
         bound = bound + gone * run.balls * 0.5 * strongest * float(np.max(run.model["rupture_distance"]))
