@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import carom
 import numpy as np
 import pytest
 from carom import CaromWarning, RunFailed, audit
+from carom.cli.app import app
 from carom.result.remarks import remarks
+from typer.testing import CliRunner
 
 RADIUS = 0.02
 
@@ -81,3 +84,21 @@ def test_missed_impacts_are_told_in_python_as_by_the_audit() -> None:
     [told] = remarks(result)
     assert told in audit.check(result).warnings
     assert not remarks(carom.simulate(grazing(1e-4)))
+
+
+def test_a_run_with_a_python_load_that_gained_energy_is_judged_without_the_function(tmp_path: Path) -> None:
+    """The remark looks for walls that jump in the scene of the run, whose file holds no function."""
+    scene = carom.Scene(gravity=(0, 0, -9.8), run={"step": 2e-2, "until": 0.6})
+    scene.contact("b", "b", friction=0.0, restitution=0.0)
+    scene.sphere("b", radius=RADIUS, mass=0.1, at=(RADIUS, 0, 0), material="b")
+    scene.joint("ball", between=["b", "ground"], point=(0, 0, 0))
+    scene.load_function(lambda t, x, v, w: np.hstack([-0.05 * v, 0 * v]), name="air")
+    with pytest.warns(CaromWarning, match="energy rose"):
+        result = carom.simulate(scene)
+    [told] = remarks(result, "gained")
+    assert told in audit.check(result).warnings
+    result.save(tmp_path / "run")
+    assert remarks(carom.load(tmp_path / "run"), "gained") == [told]
+    ended = {name: CliRunner().invoke(app, [name, str(tmp_path / "run")]) for name in ("check", "info")}
+    assert [result.exit_code for result in ended.values()] == [0, 0]
+    assert "energy rose" in ended["check"].output

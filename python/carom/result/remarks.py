@@ -75,7 +75,7 @@ def _gained(result: RunData) -> dict[str, Any] | None:
         cure = (
             ', of an impact law that can gain (Kane): impact = "sequence" with energy_safeguard = true cannot'
         )
-    elif jump := next((p for p in result.scene.validate() if JUMPS in p.cause), None):
+    elif jump := next((p for p in result.scene._advice() if JUMPS in p.cause), None):
         # A wall that jumps shifts balls and does no work on them.
         # Of a scene from Python `where` names the wall, of a file's it names the file.
         place = jump.key if jump.source else f"{jump.where} {jump.key}"

@@ -7,7 +7,7 @@ mm"`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -289,13 +289,23 @@ class Scene(Waller, Attacher, Taker, Deformer):
 
     def validate(self) -> list[Problem]:
         """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at once."""
+        return self._judged(check)
+
+    def _advice(self) -> list[Problem]:
+        """The warnings of `validate`, where no errors are looked for.
+
+        The scene of a finished run had none. Its file lacks the Python functions, which advice does not need.
+        """
+        return self._judged(lambda parts: ())
+
+    def _judged(self, rules: Callable[[Whole], Iterable[Finding]]) -> list[Problem]:
         wrong, good = faults(self._tree.packing)
         tree = self._tree.model_copy(update={"packing": list(good.values())})
         parts = replace(
             Whole.of(with_packings_expanded(tree)), damaged=frozenset(["sphere"] if wrong else [])
         )
         place = Places(len(tree.sphere), good)
-        wrong += place.found(check(parts))
+        wrong += place.found(rules(parts))
         if wrong:
             raise ScenarioError(self._problem(f) for f in wrong)
         advice = place.found(advise(parts))
