@@ -7,6 +7,7 @@ use crate::energy;
 use crate::flow::exchange::exchange;
 use crate::flow::Exchange;
 use crate::force::total::own_force;
+use crate::force::{Dependence, Load};
 use crate::model::{InitialState, Model};
 use crate::options::{Method, OnNonconvergence};
 use crate::outcome::{BlowUp, Failure, Level};
@@ -23,6 +24,7 @@ use crate::wall::places::Walls;
 use carom_geom::Overlap;
 use carom_solve::team;
 use glam::DVec3;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Fewest spheres of a system that is timed and checked against the clock in every step. More: a run of large steps overruns its time limit; fewer: the
@@ -153,8 +155,10 @@ impl Simulation {
     ) -> Option<Outcome> {
         let begin = Instant::now();
         let large = self.model.bodies() >= LARGE;
-        // A step in hundreds of substeps takes as long as hundreds of others.
-        let check_every = if large || self.stepper.divides_steps() {
+        // A step in hundreds of substeps takes as long as hundreds of others, and one that calls the user as long as it likes.
+        let opaque = |load: &Arc<dyn Load>| load.dependence() == Dependence::Opaque;
+        let long_steps = self.stepper.divides_steps() || self.model.loads.iter().any(opaque);
+        let check_every = if large || long_steps {
             1
         } else {
             (LARGE / self.model.bodies()).max(1) as u64
