@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import signal
 import time
+import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import carom
@@ -39,3 +41,77 @@ def test_ctrl_c_is_heard_soon_where_a_load_function_is_slow(how: str) -> None:
         else:
             carom.simulate(pushed(slow, until=1.0))
     assert 40 <= len(calls) <= 40 + 30  # 0.1 s, of 5 ms at least, and the rest of a step
+
+
+class Broken(Exception):
+    """Not of Carom."""
+
+
+def runs(scene: carom.Scene, tmp_path: Path) -> dict[str, Callable[[], Any]]:
+    """The ways to run a scene up to 0.1 s."""
+    return {
+        "step": lambda: carom.Simulation(scene).step(100),
+        "simulate": lambda: carom.simulate(scene, until=0.1),
+        "directory": lambda: carom.simulate(scene, until=0.1, out=tmp_path / "run"),
+    }
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau", "penalty"])
+@pytest.mark.parametrize("how", ["step", "simulate", "directory"])
+def test_what_a_load_function_raises_is_the_cause_with_its_traceback(
+    how: str, method: str, tmp_path: Path
+) -> None:
+    def broken(t: float, *_: Any) -> Any:
+        if t > 0.05:
+            raise Broken("no wind")
+        return np.zeros((1, 6))
+
+    with pytest.raises(carom.RunFailed, match="Broken: no wind") as failed:
+        runs(pushed(broken, method=method), tmp_path)[how]()
+    cause = failed.value.__cause__
+    assert isinstance(cause, Broken)
+    assert "broken" in [frame.name for frame in traceback.extract_tb(cause.__traceback__)]
+    assert failed.value.result.outcome.kind == "load_failed"
+    assert failed.value.result.time[-1] == pytest.approx(0.05, abs=2e-3)
+
+
+@pytest.mark.parametrize("raised", [KeyboardInterrupt, SystemExit])
+@pytest.mark.parametrize("how", ["step", "simulate", "directory"])
+def test_what_ends_a_program_goes_on_through_a_load_function(
+    how: str, raised: type[BaseException], tmp_path: Path
+) -> None:
+    def ending(t: float, *_: Any) -> Any:
+        if t > 0.05:
+            raise raised("enough")
+        return np.zeros((1, 6))
+
+    with pytest.raises(raised, match="enough"):
+        runs(pushed(ending), tmp_path)[how]()
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau", "penalty"])
+def test_whichever_call_of_a_step_fails_the_state_is_that_of_the_step_before(method: str) -> None:
+    """Also the last call, for the work of the load at the end of the step, whose error was taken for no work."""
+    calls, first = [0], [0]
+
+    def failing(t: float, x: Any, v: Any, w: Any) -> Any:
+        calls[0] += 1
+        if calls[0] == first[0]:
+            raise Broken
+        return np.hstack([1.0 - v, 0 * v])
+
+    sim = carom.Simulation(pushed(failing, method=method), keep=False)
+    sim.step(3)
+    before, made = sim.state(), calls[0]
+    sim.step(1)
+    each = calls[0] - made
+    good = sim.state()
+    assert each >= 2
+    for number in range(each):
+        sim.restore(before)
+        first[0] = calls[0] + 1 + number
+        with pytest.raises(carom.RunFailed):
+            sim.step(1)
+        assert all(np.array_equal(before[key], value) for key, value in sim.state().items())
+    sim.step(1)
+    assert all(np.array_equal(good[key], value) for key, value in sim.state().items())

@@ -5,6 +5,7 @@ use crate::clump;
 use crate::cohesion;
 use crate::contact::Contact;
 use crate::deformation;
+use crate::force::evaluated;
 use crate::force::total::{motion_of, power, wall_work, weight_potential};
 use crate::model::Model;
 use crate::options::Method;
@@ -73,7 +74,8 @@ pub(crate) fn finish(on: &mut Step) -> Result<(), Failure> {
     if !model.is_free() {
         let at = motion_of(state, span.end);
         potential += model.loads.iter().map(|l| l.potential(&at)).sum::<f64>();
-        let mean = 0.5 * (scratch.power + power(model, &at));
+        let at_end = evaluated(power(model, &at), &mut scratch.load_error)?;
+        let mean = 0.5 * (scratch.power + at_end);
         add_smooth_reactions(model, state, scratch, on.coefficients);
         report.energy_work += span.h * mean + joint_work(model, scratch, span);
     }

@@ -4,6 +4,8 @@ use crate::flow::Exchange;
 use crate::islands::Islands;
 use crate::outcome::{Failure, Level};
 use carom_solve::SolveReport;
+use std::error::Error;
+use std::sync::Arc;
 
 /// A column of the step table.
 #[derive(Clone, Debug)]
@@ -366,6 +368,8 @@ pub struct Outcome {
     pub bodies: Vec<u32>,
     /// What else there is to say: numbers, or what a load said.
     pub message: Option<String>,
+    /// The error of a load that is a function of the user.
+    pub source: Option<Arc<dyn Error + Send + Sync>>,
     pub unsolved: Option<Unsolved>,
 }
 

@@ -55,6 +55,8 @@ pub struct Simulation {
     coefficients: Vec<Coefficients>,
     /// `sum m |g| r`, J.
     static_scale: f64,
+    /// Whether a load is a function of the user: it takes any time, and may fail anywhere in a step.
+    opaque: bool,
 }
 
 impl Simulation {
@@ -108,7 +110,9 @@ impl Simulation {
             };
             static_scale += pull * model.radius[i];
         }
+        let calls = |load: &Arc<dyn Load>| load.dependence() == Dependence::Opaque;
         Simulation {
+            opaque: model.loads.iter().any(calls),
             scratch,
             stepper,
             monitors: Monitors {
@@ -156,8 +160,7 @@ impl Simulation {
         let begin = Instant::now();
         let large = self.model.bodies() >= LARGE;
         // A step in hundreds of substeps takes as long as hundreds of others, and one that calls the user as long as it likes.
-        let opaque = |load: &Arc<dyn Load>| load.dependence() == Dependence::Opaque;
-        let long_steps = self.stepper.divides_steps() || self.model.loads.iter().any(opaque);
+        let long_steps = self.stepper.divides_steps() || self.opaque;
         let check_every = if large || long_steps {
             1
         } else {
@@ -234,7 +237,11 @@ impl Simulation {
         let time = number as f64 * self.model.options.step;
         let mut report = StepReport::new(number, time);
         self.scratch.keeper.begin_step(number, time);
+        let before = self.opaque.then(|| self.state.clone());
         if let Err(failure) = self.attempt(0, self.time(), recording, &mut report) {
+            if let Some(before) = before {
+                self.state = before;
+            }
             if let Failure::BlowUp(what) = failure {
                 self.keep_blow_up(what, recording);
             }
@@ -427,6 +434,7 @@ impl Simulation {
             failure,
             bodies: Vec::new(),
             message: None,
+            source: None,
             unsolved: None,
         };
         let pair = |(a, b)| vec![a, b];
@@ -467,9 +475,9 @@ impl Simulation {
                 out.message = Some(format!("e_N = {e} at an approach of {approach:.3e} m/s"));
             }
             Failure::Load => {
-                let said = self.scratch.load_error.take();
-                out.bodies = said.iter().filter_map(|e| e.body).collect();
-                out.message = Some(said.map_or_else(String::new, |e| e.text));
+                let said = self.scratch.load_error.take().unwrap_or_default();
+                out.bodies = said.body.into_iter().collect();
+                (out.message, out.source) = (Some(said.text), said.source);
             }
             Failure::NotConverged(level) => {
                 let (mut bodies, mut contacts, mut joints, mut residual) = ((0, 0), 0, 0, f64::NAN);

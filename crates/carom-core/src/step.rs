@@ -69,7 +69,8 @@ pub(crate) fn predict_and_smooth(on: &mut Step) -> Result<(), Failure> {
     scratch.begin_step();
     scratch.joint_reaction.fill([DVec3::ZERO; 2]);
     if !model.loads.is_empty() {
-        scratch.power = power(model, &motion_of(on.state, span.start));
+        let at = motion_of(on.state, span.start);
+        scratch.power = evaluated(power(model, &at), &mut scratch.load_error)?;
     }
     scratch.wall_impulse.fill([DVec3::ZERO; 2]);
     evaluated(scratch.walls.begin(model, span), &mut scratch.load_error)?;

@@ -30,9 +30,9 @@ impl Load for Anchor {
         }
         Ok(())
     }
-    fn power(&self, at: &Motion) -> f64 {
+    fn power(&self, at: &Motion) -> Result<f64, LoadError> {
         let v = at.velocity[0];
-        -(self.k * at.position[0] + self.c * v).dot(v)
+        Ok(-(self.k * at.position[0] + self.c * v).dot(v))
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::bodies::Bodies;
 use crate::law::Laws;
 use crate::pair::Pair;
-use carom_core::force::total::add_loads;
+use carom_core::force::total::{add_loads, power};
 use carom_core::force::{LoadError, Motion};
 use carom_core::wall::places::Walls;
 use carom_core::{Model, State};
@@ -117,7 +117,7 @@ impl Penalty {
             };
             self.wrench.fill([DVec3::ZERO; 2]);
             add_loads(model, &at, &mut self.wrench)?;
-            self.power = model.loads.iter().map(|load| load.power(&at)).sum();
+            self.power = power(model, &at)?;
             self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
             for (i, [force, moment]) in self.wrench.iter().enumerate() {
                 b.smooth[i] = [

@@ -189,7 +189,11 @@ impl Callable {
                 .map(|r| std::array::from_fn(|k| r[k]))
                 .collect())
         })
-        .map_err(|error| LoadError::new(error.to_string()))
+        .map_err(|error| LoadError {
+            text: error.to_string(),
+            body: None,
+            source: Some(Arc::new(error)),
+        })
     }
 }
 
@@ -214,18 +218,14 @@ impl Load for Callable {
         Ok(())
     }
 
-    fn power(&self, at: &Motion) -> f64 {
-        // It has just been called at this motion or will be: an error shows there.
-        let Ok(wrench) = self.wrench(at) else {
-            return 0.0;
-        };
+    fn power(&self, at: &Motion) -> Result<f64, LoadError> {
+        let wrench = self.wrench(at)?;
         let parts = wrench
             .iter()
             .zip(at.velocity.iter().zip(at.angular_velocity));
-        parts
-            .map(|(f, (v, w))| {
-                f[0] * v.x + f[1] * v.y + f[2] * v.z + f[3] * w.x + f[4] * w.y + f[5] * w.z
-            })
-            .sum()
+        let of = |(f, (v, w)): (&[f64; 6], (&DVec3, &DVec3))| {
+            f[0] * v.x + f[1] * v.y + f[2] * v.z + f[3] * w.x + f[4] * w.y + f[5] * w.z
+        };
+        Ok(parts.map(of).sum())
     }
 }

@@ -32,6 +32,10 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
     if let Some(message) = &o.message {
         out.set_item("message", message)?;
     }
+    let source = o.source.as_deref();
+    if let Some(raised) = source.and_then(|s| s.downcast_ref::<PyErr>()) {
+        out.set_item("error", raised.clone_ref(py).into_value(py))?;
+    }
     Ok(out)
 }
 

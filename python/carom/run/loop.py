@@ -59,6 +59,8 @@ class Ending:
     outcome: dict[str, Any]
     wall_s: float = 0.0
     core_s: float = 0.0
+    error: Exception | None = None
+    """What a load function raised, if that ended the run."""
 
     @property
     def kind(self) -> str:
@@ -74,7 +76,8 @@ def drive(
     ending = advance(simulation, plan.grid_end, plan.every, sinks, stop, contacts=plan.contacts)
     if ending.kind == "done" and simulation.step < plan.steps:
         last = advance(simulation, plan.steps, 1, sinks, stop, contacts=plan.contacts)
-        ending = Ending(last.outcome, ending.wall_s + last.wall_s, ending.core_s + last.core_s)
+        last.wall_s, last.core_s = ending.wall_s + last.wall_s, ending.core_s + last.core_s
+        ending = last
     start = time.perf_counter()
     for sink in reversed(sinks):
         sink.end(simulation)
@@ -91,10 +94,14 @@ def advance(
     *,
     contacts: bool = False,
 ) -> Ending:
-    """Advance to the step `steps`, with a frame after each `every` of them (0: none), and hand every block to the sinks."""
+    """Advance to the step `steps`, with a frame after each `every` of them (0: none), and hand every block to the sinks.
+
+    `KeyboardInterrupt` and `SystemExit` of a load function go on, when the sinks have all steps before.
+    """
     start = time.perf_counter()
     core_s = 0.0
     outcome: Mapping[str, Any] | None = None
+    error: Exception | None = None
     while simulation.step < steps and outcome is None and not stop():
         here = simulation.step
         until = min(steps, here + BLOCK_STEPS, *(sink.next(here) for sink in sinks))
@@ -104,10 +111,15 @@ def advance(
         block["core_s"] = time.perf_counter() - entered
         core_s += block["core_s"]
         outcome = block["outcome"]
+        raised = (block["outcome"] or {}).pop("error", None)
         for sink in sinks:
             ended = sink.take(simulation, block)
             outcome = ended if outcome is None else outcome
+        if isinstance(raised, Exception):
+            error = raised
+        elif raised is not None:
+            raise raised
     if outcome is None:
         kind = "done" if simulation.step >= steps else "interrupted"
         outcome = {"kind": kind, "step": simulation.step, "time": simulation.time}
-    return Ending(dict(outcome), time.perf_counter() - start, core_s)
+    return Ending(dict(outcome), time.perf_counter() - start, core_s, error)

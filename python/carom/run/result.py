@@ -27,6 +27,9 @@ class Result(RunData):
     What was committed when the object was made is what it shows; load again to see more of a run in progress.
     """
 
+    #: What a load function raised in this process, if that ended the run.
+    _raised: Exception | None = None
+
     # What is made of a run is imported at first use: a run that is not plotted need not wait for it.
 
     @property

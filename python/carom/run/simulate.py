@@ -47,7 +47,10 @@ LoadFunctions = Callable[..., Any] | Sequence[Callable[..., Any]]
 
 
 class RunFailed(CaromError):
-    """A run that stopped before its end. `result` holds all up to the last good step, `result.outcome` says why."""
+    """A run that stopped before its end. `result` holds all up to the last good step, `result.outcome` says why.
+
+    What a load function raised is its `__cause__`.
+    """
 
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
@@ -234,7 +237,7 @@ def launch(
             directory.remove()
             raise
         run.in_directory(directory, writer, stop=stop, progress=progress, keep=keep, watch=watch)
-    result = load(directory.path)
+    result = run.raised_by(load(directory.path))
     result.scene = run.scene
     if not keep:  # files that are still open go when they are closed
         weakref.finalize(result._segments, directory.remove)
@@ -307,7 +310,7 @@ def relaunch(
         if options:
             directory.write_scenario(run.scene.to_toml(resolved=True))
         run.in_directory(directory, writer, stop=stop, progress=progress, keep=True, watch=watch)
-    return load(directory.path)
+    return run.raised_by(load(directory.path))
 
 
 def _restore(simulation: Simulation, saved: checkpoint.Checkpoint) -> None:
@@ -333,6 +336,7 @@ class Run:
         self.model = scene.to_model()
         release_early(len(self.model["radius"]))
         self.simulation = begin(self.model)
+        self.error: Exception | None = None
         self.plan = _plan(scene)
         # The frames are thinned once and for all: a run that is extended keeps its grid.
         self.scene = scene.resolved()
@@ -363,7 +367,7 @@ class Run:
         segment = {"from_step": self.simulation.step, "started": now()}
         ending = self._drive(memory, [], stop, progress, watch)
         problem = self.conclude(ending, segment)
-        return Result(self.about, memory, scene=self.scene, problem=problem)
+        return self.raised_by(Result(self.about, memory, scene=self.scene, problem=problem))
 
     def in_directory(
         self,
@@ -421,7 +425,14 @@ class Run:
         if watch is not None:
             watch.begin(self.names, self.model, self.plan)
             sinks.append(watch)
-        return drive(self.simulation, self.plan, [*sinks, *more], stop.__bool__)
+        ending = drive(self.simulation, self.plan, [*sinks, *more], stop.__bool__)
+        self.error = ending.error
+        return ending
+
+    def raised_by(self, result: Result) -> Result:
+        """The result with what a load function raised, if that ended the run."""
+        result._raised = self.error
+        return result
 
     def described(self) -> dict[str, Any]:
         """What a record says of the run besides its rows: arguments of `Writer` and `Memory`."""
@@ -517,4 +528,4 @@ def _judged(result: Result, stop: Interrupt, level: int, *, kept: bool = True) -
     stopped = RunFailed(str(outcome), result)
     for remark in told:  # behind the message: why there is no result comes before what may be wrong in it
         stopped.add_note(f"warning: {remark}")
-    raise stopped
+    raise stopped from result._raised

@@ -104,7 +104,7 @@ class Simulation(State):
             raise KeyboardInterrupt(f"interrupted at t = {self.time:g} s")
         if ended.kind != "done":
             result = self.result()
-            raise RunFailed(str(result.outcome), result)
+            raise RunFailed(str(result.outcome), result) from ended.error
 
     def state(self) -> dict[str, Any]:
         """Everything that is needed to go on from here bit for bit, as a dictionary of arrays and numbers of its own."""

@@ -50,7 +50,8 @@ impl Load for Applied {
         Ok(())
     }
 
-    fn power(&self, at: &Motion) -> f64 {
-        wrench_power(&self.wrench(at.time), &at.twist(self.body as usize))
+    fn power(&self, at: &Motion) -> Result<f64, LoadError> {
+        let wrench = self.wrench(at.time);
+        Ok(wrench_power(&wrench, &at.twist(self.body as usize)))
     }
 }

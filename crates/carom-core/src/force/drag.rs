@@ -52,8 +52,8 @@ impl Load for Drag {
         out.push(t);
     }
 
-    fn power(&self, at: &Motion) -> f64 {
+    fn power(&self, at: &Motion) -> Result<f64, LoadError> {
         let twist = at.twist(self.body as usize);
-        wrench_power(&self.wrench(&twist), &twist)
+        Ok(wrench_power(&self.wrench(&twist), &twist))
     }
 }

@@ -12,6 +12,8 @@ pub mod total;
 use crate::joint::{Block6, Pose, Twist};
 use crate::outcome::Failure;
 use glam::{DQuat, DVec3};
+use std::error::Error;
+use std::sync::Arc;
 
 /// What a load may depend on. One entry per sphere in each array.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +105,7 @@ pub trait Load: std::fmt::Debug + Send + Sync {
     }
 
     /// Power of the part that has no potential, W.
-    fn power(&self, at: &Motion) -> f64;
+    fn power(&self, at: &Motion) -> Result<f64, LoadError>;
 }
 
 /// See [`Load::magnitude`].
@@ -114,20 +116,21 @@ pub struct Magnitude {
 }
 
 /// A load could not be evaluated: what it said (a function of the user raised), and on which sphere it acts, if on one.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct LoadError {
     pub text: String,
     pub body: Option<u32>,
+    /// The error of the user's function.
+    pub source: Option<Arc<dyn Error + Send + Sync>>,
 }
 
 impl LoadError {
-    pub fn new(text: String) -> LoadError {
-        LoadError { text, body: None }
-    }
-
     pub fn on(body: u32, text: String) -> LoadError {
-        let body = Some(body);
-        LoadError { text, body }
+        LoadError {
+            text,
+            body: Some(body),
+            source: None,
+        }
     }
 }
 

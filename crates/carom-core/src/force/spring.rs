@@ -163,9 +163,9 @@ impl Load for Spring {
         }
     }
 
-    fn power(&self, at: &Motion) -> f64 {
+    fn power(&self, at: &Motion) -> Result<f64, LoadError> {
         let p = self.place(at);
         let rate = p.rate.dot(p.direction);
-        -self.damping * rate * rate
+        Ok(-self.damping * rate * rate)
     }
 }

@@ -127,6 +127,6 @@ pub fn motion_of(state: &State, time: f64) -> Motion<'_> {
 }
 
 /// Power of the loads that have no potential, W.
-pub(crate) fn power(model: &Model, at: &Motion) -> f64 {
+pub fn power(model: &Model, at: &Motion) -> Result<f64, LoadError> {
     model.loads.iter().map(|load| load.power(at)).sum()
 }

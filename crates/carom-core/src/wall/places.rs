@@ -77,7 +77,10 @@ impl Walls {
     pub fn begin(&mut self, model: &Model, span: Span) -> Result<(), LoadError> {
         self.span = span;
         let course = self.periodic.begin(model, span);
-        course.map_err(|text| LoadError { body: None, text })?;
+        course.map_err(|text| LoadError {
+            text,
+            ..LoadError::default()
+        })?;
         for course in &mut self.courses {
             let index = course.first as usize;
             let Some(motion) = &model.walls[index].motion else {
