@@ -21,6 +21,14 @@ SHOWN = 50
 class CaromError(ValueError):
     """Root of every error that Carom raises on purpose: the user can mend the cause."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Errors go between processes; what the `__init__` of a derived one takes is no concern of a copy."""
+        return _again, (type(self), self.args), self.__dict__
+
+
+def _again(kind: type[CaromError], arguments: tuple[Any, ...]) -> CaromError:
+    return kind.__new__(kind, *arguments)
+
 
 class CaromWarning(UserWarning):
     """Advice on a scene that can be simulated but may not mean what its author thinks."""
@@ -62,9 +70,6 @@ class ScenarioError(CaromError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems: list[Problem] = sorted(problems, key=lambda p: (p.where, p.line or 0))
         super().__init__(str(self))
-
-    def __reduce__(self) -> tuple[type[ScenarioError], tuple[list[Problem]]]:
-        return type(self), (self.problems,)  # sweeps send errors between processes
 
     def __str__(self) -> str:
         return "\n".join([*map(str, self.problems[:SHOWN]), *self._rest()])

@@ -117,8 +117,11 @@ class UnitError(ValueError):
     """A quantity string that cannot be read; `cause` and `cure` are ready for a message."""
 
     def __init__(self, cause: str, cure: str) -> None:
-        super().__init__(f"{cause}; {cure}")
+        super().__init__(cause, cure)  # its arguments: a copy is made of them
         self.cause, self.cure = cause, cure
+
+    def __str__(self) -> str:
+        return f"{self.cause}; {self.cure}"
 
 
 def parse(text: str, dimension: str) -> float:

@@ -18,8 +18,8 @@ use dict::dict;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-pyo3::create_exception!(_core, ModelError, pyo3::exceptions::PyValueError);
-pyo3::create_exception!(_core, ExpressionError, pyo3::exceptions::PyValueError);
+pyo3::create_exception!(carom._core, ModelError, pyo3::exceptions::PyValueError);
+pyo3::create_exception!(carom._core, ExpressionError, pyo3::exceptions::PyValueError);
 
 /// Every numerical option with its default.
 #[pyfunction]

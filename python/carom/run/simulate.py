@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import copy
 import signal
 import warnings
 import weakref
@@ -55,6 +56,15 @@ class RunFailed(CaromError):
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
         self.result = result
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process gets the result as files have it: Python functions, which may be local ones, stay here."""
+        made, arguments, fields = super().__reduce__()
+        result = self.result
+        if result.origin == "memory":
+            result = copy.copy(result)
+            result.scene = result.scene._without_functions()
+        return made, arguments, fields | {"result": result}
 
 
 @renamed

@@ -31,7 +31,7 @@ from carom.scene.tables.billiard import BilliardTable
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
 from carom.scene.tables.joints import Joint
-from carom.scene.tables.loads import Spring
+from carom.scene.tables.loads import LoadFunction, Spring
 from carom.scene.tables.model import FORMAT, Contact, Material, Record, Scenario, World
 from carom.scene.tables.options import Run
 from carom.scene.tables.packing import Packing, Places, advise_packings, faults
@@ -132,6 +132,11 @@ class Scene(Waller, Attacher, Taker, Deformer):
     def resolved(self) -> Scene:
         """A copy that nothing done to this scene changes, with nothing left to defaults or to chance: `Result.scene`."""
         return Scene._of(own(resolved_tree(self._tree)))
+
+    def _without_functions(self) -> Scene:
+        """This scene as a file has it: with the names of its Python functions alone."""
+        places = [LoadFunction(name=place.name) for place in self._tree.load_function]
+        return Scene._of(self._tree.model_copy(update={"load_function": places}))
 
     # --- settings -------------------------------------------------------------------------------------------
 

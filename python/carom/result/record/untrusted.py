@@ -33,9 +33,6 @@ class Untrusted(CaromError):
         super().__init__(f"{place}: {cause}; {cure}")
         self.place, self.cause, self.cure = place, cause, cure
 
-    def __reduce__(self) -> tuple[type[Untrusted], tuple[str, str, str]]:
-        return type(self), (self.place, self.cause, self.cure)
-
 
 def child(parent: h5py.Group, key: str) -> Any:
     """The group or dataset of that name within the same file, or None; links to elsewhere are refused.
