@@ -140,6 +140,47 @@ def test_what_is_wrong_is_said() -> None:
         sim["ceu"]
 
 
+def ball(radius: float = 0.02, friction: float = 0.3, step: float = 1e-3) -> carom.Simulation:
+    scene = carom.Scene("ball", gravity=(0, 0, 0), run={"step": step})
+    scene.contact("m", "m", friction=friction, restitution=0.6)
+    scene.sphere("ball", radius=radius, mass=1.0, at=(0, 0, 0), velocity=(1, 0, 0), material="m")
+    return carom.Simulation(scene, keep=False)
+
+
+def test_a_state_is_taken_where_step_and_bodies_are_the_same() -> None:
+    sim = ball()
+    sim.step(150)
+    state = sim.state()
+    other = ball(friction=0.1)
+    other.restore(state)
+    assert other.time == sim.time
+    shorter = ball(step=5e-4)
+    with pytest.raises(
+        carom.CaromError,
+        match=r"^restore: the state was made with another step than 0\.0005 s; give both simulations the same step$",
+    ):
+        shorter.restore(state)
+    with pytest.raises(carom.CaromError, match=r"other bodies: .*; give what state\(\)"):
+        ball(radius=0.5).restore(state)
+    assert (shorter.time, shorter["ball"].speed) == (0.0, 1.0)
+    for key in ("step_size", "bodies"):  # as version 0.2.0 left them
+        del state[key]
+    other.restore(state)
+
+
+def test_a_state_that_is_none_and_speeds_that_nothing_has_are_refused() -> None:
+    sim = ball()
+    for nothing, told in ((None, "nothing"), ([1.0], "list")):
+        with pytest.raises(
+            carom.CaromError, match=rf"^restore: a state is needed, found {told}; give what state\(\)"
+        ):
+            sim.restore(nothing)  # type: ignore[arg-type]
+    state = sim.state()
+    state["velocity"][0, 0] = 1e200
+    with pytest.raises(carom.CaromError, match="velocity holds a number that is not finite, or too large"):
+        sim.restore(state)
+
+
 def test_a_step_that_cannot_be_solved_raises_with_the_result() -> None:
     sim = carom.Simulation(
         find("pile"),

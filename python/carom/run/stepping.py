@@ -10,7 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+import numpy as np
+
 from carom import _core
+from carom.arrays import Array
 from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.numeric import is_whole
 from carom.result.directory import now
@@ -20,6 +23,7 @@ from carom.run.result import Result
 from carom.run.simulate import Run, RunFailed, scene_of
 from carom.run.sinks import Interrupt, Recorder
 from carom.run.watch import State
+from carom.scene.assembly.arrays import identify
 
 if TYPE_CHECKING:
     from carom._core import Block
@@ -34,6 +38,16 @@ class _Last(Sink):
 
     def take(self, simulation: _core.Simulation, block: Block) -> None:
         self.block = block
+
+
+def _origin(model: Mapping[str, Any]) -> dict[str, Array]:
+    """What a state tells of where it is from: its step (s), and a digest of the bodies."""
+    bodies: dict[str, Any] = {key: model[key] for key in ("radius", "mass", "inertia")}
+    bodies["clumps"] = [(clump["mass"], clump["inertia"]) for clump in model.get("clumps", ())]
+    digest = bytes.fromhex(identify(bodies))
+    step = np.array([model["options"]["step"]])
+    step.flags.writeable = False  # all states of a simulation share it
+    return {"step_size": step, "bodies": np.frombuffer(digest, np.uint8)}
 
 
 class Simulation(State):
@@ -65,6 +79,7 @@ class Simulation(State):
             warnings.warn(str(advice), CaromWarning, stacklevel=2)
         self._run, self._keep = Run(scene), keep
         self._core = self._run.simulation
+        self._origin = _origin(self._run.model)
         super().__init__(self._core, scene.names, self._run.model)
         self._begin()
 
@@ -108,26 +123,43 @@ class Simulation(State):
 
     def state(self) -> dict[str, Any]:
         """Everything that is needed to go on from here bit for bit, as a dictionary of arrays and numbers of its own."""
-        return self._core.state()
+        return self._core.state() | self._origin
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back (or on) to a `state` of this scene. What is recorded begins anew there.
 
         To strike a ball, change its row of `state["velocity"]` (M, 3), m/s, or `state["angular_velocity"]`, rad/s, before;
         M are the N balls, then the clumps, whose balls follow them, then the free walls. `CaromError` where it is not a
-        state of this scene, or a ball of a clump is struck by itself.
+        state of this step and these bodies, or a ball of a clump is struck by itself.
         """
-        known = list(self._core.state())
-        if unknown := [str(name) for name in state if name not in known]:
-            cure = did_you_mean(unknown[0], known)
-            raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
+        state = self._checked(state)
         try:
-            self._core.restore(dict(state))
+            self._core.restore(state)
         except _core.ModelError as error:
             cure = "" if "; " in str(error) else "; give what state() of a simulation of this scene returned"
             raise CaromError(f"restore: {error}{cure}") from error
         self._run.about["restored"] = self.steps
         self._begin()
+
+    def _checked(self, state: object) -> dict[str, Any]:
+        """What the core takes of a state of these bodies and this step."""
+        if not isinstance(state, Mapping):
+            given = "nothing" if state is None else type(state).__name__
+            raise CaromError(f"restore: a state is needed, found {given}; give what state() returned")
+        known = [*self._core.state(), *self._origin]
+        if unknown := [str(name) for name in state if name not in known]:
+            cure = did_you_mean(unknown[0], known)
+            raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
+        kept = dict(state)
+        # A state of version 0.2.0 does not say where it is from.
+        differs = {key for key, here in self._origin.items() if not np.array_equal(kept.pop(key, here), here)}
+        if "bodies" in differs:
+            cause = "the state is of other bodies: their number, radii, masses or inertias differ"
+            raise CaromError(f"restore: {cause}; give what state() of a simulation of these bodies returned")
+        if differs:
+            cause = f"the state was made with another step than {self._run.plan.step:g} s"
+            raise CaromError(f"restore: {cause}; give both simulations the same step")
+        return kept
 
     def result(self) -> Result:
         """All that was recorded so far, as `carom.simulate` up to this time returns it. Later steps do not change it.
