@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 import traceback
 from collections.abc import Callable
@@ -114,3 +115,54 @@ def test_whichever_call_of_a_step_fails_the_state_is_that_of_the_step_before(met
         assert all(np.array_equal(before[key], value) for key, value in sim.state().items())
     sim.step(1)
     assert all(np.array_equal(good[key], value) for key, value in sim.state().items())
+
+
+ASKS: dict[str, Callable[[carom.Simulation], Any]] = {
+    "time": lambda sim: sim.time,
+    "position": lambda sim: sim.position,
+    "state": lambda sim: sim.state(),
+    "step": lambda sim: sim.step(1),
+    "restore": lambda sim: sim.restore({}),
+    "result": lambda sim: sim.result(),
+}
+BUSY = "the simulation is being stepped; a load function takes what it needs from its arguments, and another thread"
+
+
+@pytest.mark.parametrize("asked", ASKS)
+def test_a_load_function_cannot_ask_the_simulation_that_calls_it(asked: str) -> None:
+    sims: list[carom.Simulation] = []
+
+    def asking(t: float, *_: Any) -> Any:
+        if sims and t > 0.0055:
+            ASKS[asked](sims[0])
+        return np.zeros((1, 6))
+
+    sims.append(carom.Simulation(pushed(asking)))
+    with pytest.raises(carom.RunFailed, match=BUSY) as failed:
+        sims[0].step(10)
+    assert isinstance(failed.value.__cause__, carom.CaromError)
+    assert sims[0].steps == 5
+
+
+def test_another_thread_is_told_that_the_simulation_is_being_stepped() -> None:
+    inside, go_on = threading.Event(), threading.Event()
+
+    def waiting(t: float, *_: Any) -> Any:
+        inside.set()
+        go_on.wait(10)
+        return np.zeros((1, 6))
+
+    go_on.set()
+    sim = carom.Simulation(pushed(waiting))
+    go_on.clear()
+    inside.clear()
+    stepping = threading.Thread(target=sim.step, args=(3,))
+    stepping.start()
+    assert inside.wait(10)
+    try:
+        with pytest.raises(carom.CaromError, match=BUSY):
+            sim.step(1)
+    finally:
+        go_on.set()
+        stepping.join()
+    assert sim.steps == 3

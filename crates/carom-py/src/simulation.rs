@@ -17,14 +17,40 @@ use carom_core::problem::Steps;
 use carom_core::report::Spread;
 use carom_core::{Model, Recording};
 use carom_penalty::{damping, law};
+use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::{RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
 use std::time::Duration;
 
 /// A model, its state and its scratch memory.
-#[pyclass(module = "carom._core")]
+#[pyclass(frozen, module = "carom._core")]
 pub struct Simulation {
-    inner: carom_core::Simulation,
+    inner: RwLock<carom_core::Simulation>,
+}
+
+import_exception!(carom.errors, CaromError);
+
+/// What a lock guards, but for the error that it is taken: the simulation is in the midst of a step.
+fn held<G>(lock: Result<G, TryLockError<G>>) -> PyResult<G> {
+    match lock {
+        Ok(guard) => Ok(guard),
+        Err(TryLockError::Poisoned(left)) => Ok(left.into_inner()),
+        Err(TryLockError::WouldBlock) => Err(CaromError::new_err(
+            "the simulation is being stepped; a load function takes what it needs from its arguments, and another \
+             thread waits until step() returns",
+        )),
+    }
+}
+
+impl Simulation {
+    fn read(&self) -> PyResult<RwLockReadGuard<'_, carom_core::Simulation>> {
+        held(self.inner.try_read())
+    }
+
+    fn write(&self) -> PyResult<RwLockWriteGuard<'_, carom_core::Simulation>> {
+        held(self.inner.try_write())
+    }
 }
 
 #[pymethods]
@@ -42,38 +68,41 @@ impl Simulation {
                 _ => carom_penalty::simulation(model, initial),
             });
         let inner = made.map_err(|e| ModelError::new_err(e.to_string()))?;
-        Ok(Simulation { inner })
+        Ok(Simulation {
+            inner: RwLock::new(inner),
+        })
     }
 
     #[getter]
-    fn step(&self) -> u64 {
-        self.inner.state.step
+    fn step(&self) -> PyResult<u64> {
+        Ok(self.read()?.state.step)
     }
 
     #[getter]
-    fn time(&self) -> f64 {
-        self.inner.time()
+    fn time(&self) -> PyResult<f64> {
+        Ok(self.read()?.time())
     }
 
     /// Current time, position, orientation, velocity, angular velocity as copies.
     fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let out = PyDict::new(py);
-        out.set_item("time", self.inner.time())?;
-        put_motion(&out, &self.inner.model, &mut self.inner.frame(), &[])?;
+        let (inner, out) = (self.read()?, PyDict::new(py));
+        out.set_item("time", inner.time())?;
+        put_motion(&out, &inner.model, &mut inner.frame(), &[])?;
         Ok(out)
     }
 
     /// Pairs that overlap now: `(a, b, gap)`.
-    fn overlaps(&self, tolerance: f64, most: usize) -> Vec<(u32, u32, f64)> {
-        let found = self.inner.overlaps(tolerance, most);
-        let outside = |b: u32| self.inner.model.outside(b);
+    fn overlaps(&self, tolerance: f64, most: usize) -> PyResult<Vec<(u32, u32, f64)>> {
+        let inner = self.read()?;
+        let found = inner.overlaps(tolerance, most);
+        let outside = |b: u32| inner.model.outside(b);
         let named = found.into_iter().map(|o| (o.a, outside(o.b), o.gap));
-        named.collect()
+        Ok(named.collect())
     }
 
     /// Advances; see the stub for the meaning of the arguments and the tables.
     fn advance<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         steps: u64,
         frame_every: u64,
@@ -89,7 +118,8 @@ impl Simulation {
             frame_every,
             contacts,
         };
-        let inner = &mut self.inner;
+        let mut held = self.write()?;
+        let inner = &mut *held;
         let (outcome, block) = py.detach(|| {
             let mut outcome = inner.advance(steps, recording, limit);
             for body in outcome.iter_mut().flat_map(|o| &mut o.bodies) {
@@ -98,7 +128,7 @@ impl Simulation {
             (outcome, inner.take_block())
         });
         let out = PyDict::new(py);
-        let model = &self.inner.model;
+        let model = &inner.model;
         if !model.flow.is_none() {
             flow::put_events(&out, &block.events)?;
         }
@@ -118,11 +148,12 @@ impl Simulation {
 
     /// Everything that must be saved to continue bit for bit.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let s = &self.inner.state;
+        let inner = self.read()?;
+        let s = &inner.state;
         let out = PyDict::new(py);
         put(&out, "step", vec![s.step], &[1])?;
         put_kinematics(&out, s)?;
-        flow::put_state(&out, &self.inner.model, s)?;
+        flow::put_state(&out, &inner.model, s)?;
         put_pairs(&out, "pseudo", &s.pseudo)?;
         put_pairs(&out, "acceleration", &s.acceleration)?;
         for (k, name) in ["joint_reaction", "joint_pseudo"].into_iter().enumerate() {
@@ -130,7 +161,7 @@ impl Simulation {
             put_pairs(&out, name, &pairs)?;
         }
         put(&out, "warm_step", vec![s.warm_step], &[1])?;
-        let recorder = &self.inner.recorder;
+        let recorder = &inner.recorder;
         put_kept(&out, "warm", &s.warm, |w| w.key)?;
         put_kept(&out, "touch", &s.touches, |t| t.key)?;
         let (out, records) = (&out, &recorder.open[..]);
@@ -138,24 +169,26 @@ impl Simulation {
         Table { out, records }.column("open_status", |r| u64::from(r.status))?;
         put_pairs(out, "open_joint", &recorder.open_joints)?;
         put_pairs(out, "open_wall", &recorder.open_walls)?;
-        let (integers, floats) = monitor_arrays(&self.inner.monitors);
+        let (integers, floats) = monitor_arrays(&inner.monitors);
         put(out, "monitor_int", integers, &[1])?;
         put(out, "monitor_float", floats, &[1])?;
         Ok(out.clone())
     }
 
     /// Takes a state back. Refuses one of another model size.
-    fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
-        let bodies = self.inner.model.first_wall() + self.inner.model.walls.len();
+    fn restore(&self, state: &Bound<'_, PyDict>) -> PyResult<()> {
+        let mut held = self.write()?;
+        let inner = &mut *held;
+        let bodies = inner.model.first_wall() + inner.model.walls.len();
         let mut loaded = read_state(state)?;
-        flow::read_state(state, &self.inner.model, &mut loaded)?;
-        (loaded.check(&self.inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;
-        if let Some(clump) = loaded.struck_in_parts(&self.inner.model, &self.inner.state) {
+        flow::read_state(state, &inner.model, &mut loaded)?;
+        (loaded.check(&inner.model)).map_err(|e| ModelError::new_err(e.to_string()))?;
+        if let Some(clump) = loaded.struck_in_parts(&inner.model, &inner.state) {
             return Err(ModelError::new_err(format!(
                 "state: balls of a clump do not move as it does; strike the clump, row {clump} of velocity and angular_velocity"
             )));
         }
-        loaded.follow_clumps(&self.inner.model);
+        loaded.follow_clumps(&inner.model);
         let open = read_open(state, bodies as u32)?;
         let integers = arrays::indices(state, "monitor_int")?;
         let floats = arrays::floats(state, "monitor_float")?;
@@ -165,7 +198,7 @@ impl Simulation {
             ));
         };
         let joints = read_pairs(state, "open_joint")?;
-        let count = self.inner.model.joints.len();
+        let count = inner.model.joints.len();
         if joints.len() != count {
             return Err(ModelError::new_err(format!(
                 "state: open_joint is for {} joints, the model has {}",
@@ -178,26 +211,27 @@ impl Simulation {
             Some(_) => read_pairs(state, "open_wall")?,
             None => Vec::new(),
         };
-        let count = self.inner.model.recorded_walls();
+        let count = inner.model.recorded_walls();
         if walls.len() != count {
             return Err(ModelError::new_err(format!(
                 "state: open_wall is for {} walls, the model records {count}",
                 walls.len()
             )));
         }
-        self.inner.recorder.open_walls = walls;
-        self.inner.recorder.open_joints = joints;
+        inner.recorder.open_walls = walls;
+        inner.recorder.open_joints = joints;
         // What happened before the start of a new run has no place in one taken up again.
-        self.inner.recorder.block.events.clear();
-        self.inner.state = loaded;
-        self.inner.recorder.open = open;
-        self.inner.monitors = monitors;
+        inner.recorder.block.events.clear();
+        inner.state = loaded;
+        inner.recorder.open = open;
+        inner.monitors = monitors;
         Ok(())
     }
 
     /// Totals since the start.
     fn monitors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let m = &self.inner.monitors;
+        let inner = self.read()?;
+        let m = &inner.monitors;
         let spread = |s: &Spread| -> PyResult<Bound<'py, PyDict>> {
             let mean = match m.steps {
                 0 => 0.0,
@@ -249,8 +283,8 @@ impl Simulation {
             "penetration_max_relative": m.penetration_relative,
             "travel_max": m.travel,
         };
-        if self.inner.model.options.method == Method::Penalty {
-            out.set_item("penalty", self.penalty(py)?)?;
+        if inner.model.options.method == Method::Penalty {
+            out.set_item("penalty", penalty(py, &inner)?)?;
         }
         out.set_item("energy", energy)?;
         Ok(out)
@@ -259,7 +293,7 @@ impl Simulation {
     /// Seconds by phase, estimated from sampled steps.
     fn phases<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
-        for (name, seconds) in self.inner.timers.estimate() {
+        for (name, seconds) in self.read()?.timers.estimate() {
             out.set_item(name, seconds)?;
         }
         Ok(out)
@@ -267,15 +301,17 @@ impl Simulation {
 
     /// The contact problem that could not be solved, or None.
     fn failing_problem<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let failed = self.inner.failed.as_ref();
+        let inner = self.read()?;
+        let failed = inner.failed.as_ref();
         failed
-            .map(|p| problem_dict(py, &self.inner.model, p))
+            .map(|p| problem_dict(py, &inner.model, p))
             .transpose()
     }
 
     /// Chooses what `take_problems` gives: steps `(first, last, stride)`, and how many of the hardest problems.
-    fn keep_problems(&mut self, steps: Vec<(u64, u64, u64)>, hardest: usize) {
-        let keeper = self.inner.keeper();
+    fn keep_problems(&self, steps: Vec<(u64, u64, u64)>, hardest: usize) -> PyResult<()> {
+        let mut inner = self.write()?;
+        let keeper = inner.keeper();
         keeper.hardest = hardest;
         keeper.steps = steps
             .into_iter()
@@ -285,41 +321,41 @@ impl Simulation {
                 stride,
             })
             .collect();
+        Ok(())
     }
 
     /// Problems of the chosen steps since the last call; with `hardest` the hardest of the run so far instead.
     fn take_problems<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         hardest: bool,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let keeper = self.inner.keeper();
+        let mut inner = self.write()?;
+        let keeper = inner.keeper();
         let taken = if hardest {
             keeper.take_hardest()
         } else {
             keeper.take()
         };
-        let model = &self.inner.model;
+        let model = &inner.model;
         taken.iter().map(|p| problem_dict(py, model, p)).collect()
     }
 }
 
-impl Simulation {
-    /// What method `penalty` chose: its substeps, and what each contact law came to.
-    fn penalty<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (m, model) = (&self.inner.monitors, &self.inner.model);
-        let entry = |law: &ContactLaw| -> PyResult<Bound<'py, PyDict>> {
-            let chi = law::damping(&model.options, law, 0.0);
-            Ok(dict! { py,
-                "restitution": law.restitution(0.0),
-                "damping": chi,
-                "restitution_effective": damping::restitution(chi),
-            })
-        };
+/// What method `penalty` chose: its substeps, and what each contact law came to.
+fn penalty<'py>(py: Python<'py>, inner: &carom_core::Simulation) -> PyResult<Bound<'py, PyDict>> {
+    let (m, model) = (&inner.monitors, &inner.model);
+    let entry = |law: &ContactLaw| -> PyResult<Bound<'py, PyDict>> {
+        let chi = law::damping(&model.options, law, 0.0);
         Ok(dict! { py,
-            "substeps": m.substeps,
-            "substep_min": m.substep_min,
-            "laws": model.laws.iter().map(entry).collect::<PyResult<Vec<_>>>()?,
+            "restitution": law.restitution(0.0),
+            "damping": chi,
+            "restitution_effective": damping::restitution(chi),
         })
-    }
+    };
+    Ok(dict! { py,
+        "substeps": m.substeps,
+        "substep_min": m.substep_min,
+        "laws": model.laws.iter().map(entry).collect::<PyResult<Vec<_>>>()?,
+    })
 }

@@ -108,11 +108,12 @@ class Simulation(State):
             replace(plan, steps=target).refuse_to_fill_memory(len(self.names))
         last, halt = _Last(), Interrupt()
         sinks, every = ([last, self._recorder], plan.every) if self._keep else ([last], 0)
-        self._frame = None
+        contacts = plan.contacts and self._keep
         with halt.listening(signal.SIGINT):
-            ended = advance(
-                self._core, target, every, sinks, halt.__bool__, contacts=plan.contacts and self._keep
-            )
+            try:
+                ended = advance(self._core, target, every, sinks, halt.__bool__, contacts=contacts)
+            finally:
+                self._frame = None  # last, for another thread may have looked in between
         before, self._block = self._ending, last.block or self._block
         self._ending = Ending(ended.outcome, before.wall_s + ended.wall_s, before.core_s + ended.core_s)
         if halt:
