@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from collections.abc import Callable
+
 import carom
 import numpy as np
 import pytest
@@ -166,6 +170,20 @@ def test_a_state_is_taken_where_step_and_bodies_are_the_same() -> None:
     for key in ("step_size", "bodies"):  # as version 0.2.0 left them
         del state[key]
     other.restore(state)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_simulation_is_not_copied_but_its_state_is(copied: Callable[[object], object]) -> None:
+    sim = ball()
+    sim.step(10)
+    with pytest.raises(
+        carom.CaromError, match=r"neither copied nor pickled; .* restore\(state\) .* state\(\)"
+    ):
+        copied(sim)
+    other = ball()
+    other.restore(pickle.loads(pickle.dumps(sim.state())))
+    other.step(10)
+    assert (sim.steps, other.steps) == (10, 20)
 
 
 def test_a_state_that_is_none_and_speeds_that_nothing_has_are_refused() -> None:

@@ -166,3 +166,11 @@ def test_another_thread_is_told_that_the_simulation_is_being_stepped() -> None:
         go_on.set()
         stepping.join()
     assert sim.steps == 3
+
+
+@pytest.mark.parametrize("loads", [np.zeros((1, 6), complex), [[0j] * 6]])
+def test_complex_loads_are_refused(loads: Any) -> None:
+    with pytest.raises(
+        carom.RunFailed, match=r"returned complex numbers; return an array \(1, 6\) of finite numbers"
+    ):
+        carom.Simulation(pushed(lambda *_: loads)).step()

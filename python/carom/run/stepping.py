@@ -180,6 +180,13 @@ class Simulation(State):
         ending = replace(self._ending, outcome={**here, **self._ending.outcome})
         return Result(run.about, memory, scene=run.scene, problem=run.conclude(ending, dict(self._segment)))
 
+    def __reduce__(self) -> Any:
+        """Copies would share the core, which no process can send."""
+        raise CaromError(
+            "a Simulation is neither copied nor pickled; make another one of the same scene, and let its"
+            " restore(state) go on from the state() of this one"
+        )
+
     def __repr__(self) -> str:
         place = f"step {self.steps}, t = {self.time:g} s"
         return f"<carom.Simulation {self._run.scene.title!r}: {place}, {len(self.names)} balls>"

@@ -162,9 +162,13 @@ class CheckedFunction:
         """Force (N) and torque (N m) of each body at time `t`, (N, 6), fixed axes."""
         given = self._function(t, position, velocity, angular_velocity)
         try:
-            loads = np.ascontiguousarray(given, dtype=np.float64)
+            loads = np.ascontiguousarray(given)
+            if loads.dtype.kind != "c":  # to which NumPy would do no more than warn
+                loads = loads.astype(np.float64, copy=False)
         except (TypeError, ValueError):
             raise self._wrong(f"returned {quoted(type(given).__name__)}") from None
+        if loads.dtype.kind == "c":
+            raise self._wrong("returned complex numbers")
         if loads.shape != self._shape:
             raise self._wrong(f"returned an array of shape {loads.shape}")
         if not np.isfinite(loads).all():
