@@ -8,16 +8,21 @@ from typing import Any
 import carom
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 G, R, MU = 9.8, 0.028575, 0.2
 
 
-def table(bed: dict[str, Any], rolling: float, until: float, step: float) -> carom.Scene:
+def table(
+    bed: dict[str, Any], rolling: float, until: float, step: float, spinning: float = 0.0
+) -> carom.Scene:
     scene = carom.Scene("slides", gravity=(0, 0, -G), run={"method": "events", "until": until, "step": step})
     for name in ("ball", "bed"):
         scene.material(name)
     scene.contact("ball", "ball", friction=0.06, restitution=0.95)
-    scene.contact("ball", "bed", friction=MU, restitution=0.5, rolling_radius=rolling)
+    scene.contact(
+        "ball", "bed", friction=MU, restitution=0.5, rolling_radius=rolling, spinning_radius=spinning
+    )
     scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed", **bed)
     return scene
 
@@ -103,3 +108,36 @@ def test_balls_that_touch_and_turn_apart_or_together_do_not_overlap(slips: tuple
     result = carom.simulate(scene)
     gap = np.linalg.norm(np.diff(result.position[-1], axis=0)) - 2 * R
     assert gap > -1e-9 * R
+
+
+@pytest.mark.parametrize("small", [1e-14, 5e-14, 1e-12])
+@pytest.mark.parametrize("kind", ["spin", "slip", "creep"])
+def test_small_motions_end_by_friction_that_the_record_has(kind: str, small: float) -> None:
+    # They were set to 0 without a contact that took them, and the auditor said so.
+    turns = {"spin": (0.0, 1.0, small), "slip": (0.0, 1.0 + small, 0.0), "creep": (0.0, 0.0, 1.0)}[kind]
+    scene = table({}, 2e-4, 0.1, 0.05, 5e-4)
+    scene.sphere("ball", radius=R, mass=0.17, position=(0, 0, R), velocity=(small if kind == "creep" else 1.0, 0, 0),
+                 angular_velocity=np.array(turns) / R, material="ball")  # fmt: skip
+    result = carom.simulate(scene)
+    report = carom.audit.check(result)
+    assert report.ok, str(report)
+    assert result["ball"].angular_velocity[-1, 2] == (
+        0.0 if kind != "creep" else pytest.approx(1 / R, rel=0.1)
+    )
+
+
+def test_what_has_ended_on_a_table_that_lies_along_no_axis_has_ended() -> None:
+    # Rounding of what was large at the start of a long step must not count as slip or spin at its end.
+    for seed in range(30):
+        rng, turn = np.random.default_rng(seed), Rotation.random(random_state=seed)
+        to = lambda of, turn=turn: tuple(turn.apply(of))  # noqa: E731
+        scene = carom.Scene(
+            gravity=to((0, 0, -G)), run={"method": "events", "until": 8.0, "step": (0.5, 8.0)[seed % 2]}
+        )
+        scene.contact("ball", "bed", friction=MU, restitution=0.5, rolling_radius=1e-3, spinning_radius=5e-4)
+        scene.plane("bed", point=(0, 0, 0), normal=to((0, 0, 1)), material="bed")
+        velocity = 0.5 * rng.normal(size=3) * (1, 1, 0) * (seed % 3 > 0)
+        turning = np.cross((0, 0, 1), velocity) / R if seed % 3 == 1 else (0, 0, 50)
+        scene.sphere("ball", radius=R, mass=0.17, position=to((0, 0, R)), velocity=to(velocity),
+                     angular_velocity=to(turning), material="ball")  # fmt: skip
+        assert len(carom.simulate(scene).transitions) == (1, 1, 3)[seed % 3]

@@ -20,8 +20,9 @@ use carom_core::transition::{Kind, Mode};
 use carom_core::Model;
 use glam::{DQuat, DVec3};
 
-/// Slip over the speed of the ball, or spin over the rest of its turning (1), below which it is rounding. Smaller: what rolls slides on for a moment, event after event.
-const ROUNDING: f64 = 1e-13;
+/// Slip over the speeds that make it, or spin over the rest of the turning (1), below which it is rounding. Larger: momentum is lost that no contact took.
+/// Smaller: what rolls slides on for a moment, event after event.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Share (1) by which slip and turning may leave one line and count as in it.
 const IN_LINE: f64 = 1e-12;
 /// Slip over the speeds (1) below which only that turns: the last moment of a slide. Larger: the resistance has not kept its direction, and places are off a
@@ -78,6 +79,8 @@ pub struct Motion {
     pub start: f64,
     pub x: [DVec3; 3],
     pub w: [DVec3; 2],
+    /// Whether it spins about the normal of its surface. Else what `w` has along that is rounding.
+    pub spins: bool,
     /// A slide that turns, with slip and turning below which it does no more, m/s. It is off its position by `drift t^3` at most (m/s^3), and of its angular
     /// velocity `w[1]` has the spin alone.
     pub turns: Option<(Rates, [f64; 2])>,
@@ -133,15 +136,28 @@ impl Motion {
         }
     }
 
+    /// The part of an angular velocity about the normal of the surface, without rounding.
+    fn spin(&self, w: DVec3) -> DVec3 {
+        match self.support {
+            Some(Support { normal, .. }) if self.spins => normal * normal.dot(w),
+            _ => DVec3::ZERO,
+        }
+    }
+
     /// Velocities at the end of its form, without the rounding of what has come to its end.
     pub fn at_end(&self, [v, w]: [DVec3; 2], radius: f64) -> [DVec3; 2] {
         let n = self.support.map_or(DVec3::ZERO, |s| s.normal);
-        let spin = n * n.dot(w);
+        let spin = self.spin(w);
         match self.end {
             End::Slip => [v, n.cross(v) / radius + spin],
-            End::Turning => [v, spin],
+            End::Turning => {
+                // What turns off the line of the slip goes on.
+                let axis = (self.w[1] - n * n.dot(self.w[1])).normalize_or_zero();
+                [v, w - axis * axis.dot(w)]
+            }
             End::Stop => [DVec3::ZERO, spin],
-            End::Spin => [v, w - spin],
+            End::Spin if self.mode == Mode::Slide => [v, w - spin],
+            End::Spin => [v, n.cross(v) / radius],
             End::Never | End::Piece => [v, w],
         }
     }
@@ -160,23 +176,22 @@ impl Motion {
         let law = &model.laws[support.law as usize];
         let bounds = law.bounds;
         let kappa = model.inertia[i] / (model.mass[i] * r * r);
-        let (mut v, mut spin) = (v - n * n.dot(v), n.dot(w));
-        let mut turn = w - spin * n;
+        let (v, mut spin) = (v - n * n.dot(v), n.dot(w));
+        let turn = w - spin * n;
         // The part of the slip that turning makes, m/s.
-        let mut q = r * n.cross(turn);
+        let q = r * n.cross(turn);
         // Where a normal lies along no axis what has ended is never quite 0.
         if spin.abs() <= ROUNDING * turn.length() {
             spin = 0.0;
-        } else if v.length() + q.length() <= ROUNDING * r * spin.abs() {
-            (v, turn, q) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
         }
         let slip = v + q;
         let speed = v.length() + q.length();
-        let slides = slip.length() > ROUNDING * speed;
+        let slides = slip.length() > ROUNDING * (speed + r * spin.abs());
         let mut motion = Motion {
             support: Some(support),
             start,
             mode: Mode::Slide,
+            spins: spin != 0.0,
             ..Motion::plain([x, v, DVec3::ZERO], w)
         };
         let rolling = bounds.rolling * g / (kappa * r * r);
@@ -343,7 +358,7 @@ impl Motion {
         let spun = sum(&|t| n.dot(at(t)).abs());
         if self.turns.is_some() {
             let mut orientation = orientation;
-            let spin = |t: f64| n.dot(at(t)) * n;
+            let spin = |t: f64| self.spin(at(t));
             let slid = curve.slides(dt, radius, Some((&mut orientation, &spin)));
             let w = -n.cross(slid.turning) / radius + spin(dt);
             let mean = if dt > 0.0 { slid.sum / dt } else { DVec3::ZERO };
@@ -367,9 +382,16 @@ impl Motion {
             };
             orientation = turned(orientation, dt, parts, at);
         }
+        let (v, w) = (self.velocity(t), at(dt));
+        // Rounding of what has been larger would count as slip or spin where little is left.
+        let w = match (self.mode, self.support) {
+            (_, None) => w,
+            (Mode::Slide, _) => w - n * n.dot(w) + self.spin(w),
+            _ => n.cross(v) / radius + self.spin(w),
+        };
         Passage {
             place: self.place(t),
-            velocities: [self.velocity(t), at(dt)],
+            velocities: [v, w],
             orientation,
             changes: [2.0 * dt * self.x[2], dt * self.w[1]],
             mean: self.x[0] + dt * (0.5 * self.x[1] + dt / 3.0 * self.x[2]),
