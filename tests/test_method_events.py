@@ -104,6 +104,19 @@ def test_balls_that_press_one_another_are_stepped_and_said_so(tmp_path: Path) ->
         assert off < 1e-4, name
 
 
+@pytest.mark.parametrize(("direction", "height"), [(1.0, 0.2), (2.0, 0.4), (3.0, 0.3)])
+def test_the_last_of_many_bounces_keeps_the_friction_cone(direction: float, height: float) -> None:
+    # Each of hundreds of landings ends in contact. What that takes back of the push had left its friction in the sum.
+    table = billiards.table("9ft")
+    scene, r = table.scene("push line", until=0.12), table.spec.ball_radius
+    cue = table.cue_ball(scene, at=(0.6, 0.6))
+    for k in (1, 2):
+        table.ball(scene, f"{k}", (0.6 + 2 * k * r, 0.6))
+    billiards.strike(cue, speed=3, direction=np.radians(direction), height=height)
+    report = check(carom.simulate(scene))
+    assert report.ok, str(report)
+
+
 def test_balls_that_come_to_rest_against_one_another_press_no_more() -> None:
     moves = {"a": (6.7e-5, -2.2e-5, 0), "b": (-9.9e-5, -3.3e-5, 0)}
     scene = carom.Scene(gravity=(0, 0, -G), run={"method": "events", "until": 3.0, "step": 3.0})

@@ -19,11 +19,22 @@ impl Run<'_> {
         };
         let x = self.state.position[i] - on.map_or(DVec3::ZERO, |(s, gap)| gap * s.normal);
         let carried = on.and_then(|(support, _)| {
-            let rises = support.normal.dot(v);
+            let (mut v, mut w, n) = (v, w, support.normal);
+            let (m, r) = (self.model.mass[i], self.model.radius[i]);
+            let rises = n.dot(v);
             if rises != 0.0 {
-                let impulse = -self.model.mass[i] * rises;
-                self.events.sums.add_rest(i, &support, impulse);
-                self.give_wall(i, &support, impulse * support.normal);
+                // Of the push that its surface gave too much, the friction is too much as well.
+                let slip = v - rises * n + r * n.cross(w);
+                let bound = self.model.laws[support.law as usize].bounds.sliding;
+                let lessens = rises > 0.0 && slip.length() > rises;
+                let share = if lessens { bound * rises } else { 0.0 };
+                let friction = m * share * slip.normalize_or_zero();
+                let impulse = friction - m * rises * n;
+                v += friction / m;
+                w += r * friction.cross(n) / self.model.inertia[i];
+                let work = friction.dot(slip);
+                self.events.sums.add_rest(i, &support, impulse, work);
+                self.give_wall(i, &support, impulse);
             }
             Motion::supported(self.model, i, support, now, x, [v, w])
         });
