@@ -327,3 +327,22 @@ def test_a_scratch_is_called_one() -> None:
     assert found.scratch
     assert found.first is None
     assert found.pocketed[0].pocket == "foot left"
+
+
+def test_another_table_neither_takes_balls_nor_reads_runs() -> None:
+    # Its spots and pockets are elsewhere: the answers were wrong without a word.
+    small, large = table("7ft"), table("snooker")
+    higher = table("7ft", nose_height="37 mm")
+    scene = small.scene(until=0.05)
+    small.cue_ball(scene, velocity=(1.0, 0.0, 0.0))
+    one, many = carom.simulate(scene), carom.simulate_batch([scene])
+    refused = r"of the table '7ft' with length 1.9812, this table is 'snooker' with length 3.569"
+    for call in (lambda: large.ball(scene, "red 1", (1.0, 0.5)), lambda: large.rack(scene, 3),
+                 lambda: large.pocketed(one), lambda: large.pocketed(many), lambda: large.shot(one)):  # fmt: skip
+        with pytest.raises(CaromError, match=refused):
+            call()
+    with pytest.raises(CaromError, match=r"'7ft' with nose_height 0.0362.*'7ft' with nose_height 0.037"):
+        higher.shot(one)
+    assert table("7ft").pocketed(one) == small.pocketed(one) == []
+    scene.billiard_table = None
+    large.ball(scene, "red 1", (1.0, 0.5))  # a scene that says nothing of a table may be any

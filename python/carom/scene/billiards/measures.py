@@ -4,17 +4,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from carom.errors import CaromError
 from carom.scene.billiards.arguments import angle, number
 from carom.scene.billiards.data import Spec
 from carom.scene.tables.billiard import misfit
 
+if TYPE_CHECKING:
+    from carom.scene.scene import Scene
+
 
 def mark(spec: Spec) -> dict[str, Any]:
     """The keys of `[billiard_table]`."""
     return {field.name: getattr(spec, field.name) for field in fields(Spec) if field.name != "source"}
+
+
+def same_table(call: str, what: str, spec: Spec, scene: Scene) -> None:
+    """Refuse a scene that says that it is another table than `spec`: its places and pockets are elsewhere."""
+    if scene.billiard_table is None:
+        return
+    other = scene.billiard_table.written(everything=True)
+    for key, own in mark(spec).items():
+        if key != "name" and not math.isclose(own, other[key], rel_tol=1e-9):
+            raise CaromError(
+                f"{call}: {what} is of the table {other['name']!r} with {key} {other[key]:g},"
+                f" this table is {spec.name!r} with {key} {own:g}; take the table that made the scene"
+            )
 
 
 def checked(spec: Spec) -> Spec:

@@ -13,7 +13,7 @@ from carom.errors import CaromError, did_you_mean
 from carom.scene.billiards.aim import direction_of_cut, direction_to
 from carom.scene.billiards.arguments import number, place, sphere, vector
 from carom.scene.billiards.data import LAWS, TABLES, Laws, Spec
-from carom.scene.billiards.measures import checked, mark
+from carom.scene.billiards.measures import checked, mark, same_table
 from carom.scene.billiards.places import check_place, spots_of
 from carom.scene.billiards.racks import numbers_of, rack_places, rows_of
 from carom.scene.billiards.shots import Shot, shot
@@ -123,6 +123,7 @@ class Table:
 
         Coordinates are numbers in m or texts with a unit. A ball in the air is at (x, y, z), z the height of its centre.
         """
+        same_table("ball", f"the scene of {name!r}", self.spec, scene)
         if isinstance(at, str):
             if at not in self.spots:
                 raise CaromError(f"ball: no spot is called {at!r}; {did_you_mean(at, list(self.spots))}")
@@ -231,7 +232,10 @@ class Table:
         `events`, the place itself.
         """
         if not hasattr(result, "left_at"):
-            return self._pocketed(result)
+            return self._pocketed(result, "pocketed")
+        batch: Any = result
+        for case in range(len(batch)):
+            same_table("pocketed", "the batch", self.spec, batch.scene(case))
         found: list[list[Pocketed]] = [[] for _ in range(len(result))]
         table = result.events
         for case, ball, kind, at in zip(
@@ -246,9 +250,15 @@ class Table:
         """Who hit whom and which cushion, what was pocketed, whether it was a scratch. Times are those of the impacts: exact
         with method `events`, ends of steps with others.
         """
-        return shot(result, cue, self._pocketed(result), bed="bed")
+        return shot(result, cue, self._pocketed(result, "shot"), bed="bed")
 
-    def _pocketed(self, result: RunData) -> list[Pocketed]:
+    def _pocketed(self, result: RunData, call: str) -> list[Pocketed]:
+        try:
+            scene = result.scene
+        except CaromError:  # a lost copy of the scenario does not keep the motion from being read
+            pass
+        else:
+            same_table(call, "the run", self.spec, scene)
         time = np.asarray(result.time)
         found = []
         gone = result.transitions.where(result.transitions["event"] == "outlet")
