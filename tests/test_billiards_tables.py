@@ -346,3 +346,16 @@ def test_another_table_neither_takes_balls_nor_reads_runs() -> None:
     assert table("7ft").pocketed(one) == small.pocketed(one) == []
     scene.billiard_table = None
     large.ball(scene, "red 1", (1.0, 0.5))  # a scene that says nothing of a table may be any
+
+
+@pytest.mark.parametrize("radius", [0.015, 0.037, 0.0603])
+def test_a_ball_that_the_noses_do_not_fit_is_refused_as_the_table_would_be(radius: float) -> None:
+    rule = "nose_height must be above the centre of the ball and below its top"
+    with pytest.raises(CaromError, match=rule):
+        table("7ft", ball_radius=radius)
+    t = table("7ft")
+    with pytest.raises(
+        CaromError, match=f"'big' at .*: {rule}, .* take a radius between 0.01815 and 0.03629 m"
+    ):
+        t.ball(t.scene(), "big", (1.0, 0.5), radius=radius)
+    assert t.ball(t.scene(), "fits", (1.0, 0.5), radius=0.0302).radius == 0.0302

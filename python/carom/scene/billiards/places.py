@@ -9,6 +9,7 @@ from carom.errors import CaromError
 from carom.scene.billiards.data import BAULK, BLACK, D_RADIUS, SNOOKER, Spec
 from carom.scene.billiards.walls import nearest_cushion, outlets
 from carom.scene.packing.neighbours import TOUCHING
+from carom.scene.tables.billiard import nose_misfit
 
 if TYPE_CHECKING:
     from carom.scene.billiards.table import Table
@@ -29,9 +30,12 @@ def spots_of(spec: Spec) -> dict[str, tuple[float, float]]:
 
 
 def check_place(table: Table, name: str, at: tuple[float, float, float], radius: float) -> None:
-    """Refuse a ball that has no slate under its centre, or overlaps the bed or a cushion by more than a touch."""
+    """Refuse a ball that no nose fits, without slate under its centre, or in the bed or a cushion by more than a touch."""
     spec, (x, y, z) = table.spec, at
     told = f"ball: {name!r} at ({x:g}, {y:g}) m"
+    if unfit := nose_misfit(radius, spec.nose_height):
+        least, most = 0.5 * spec.nose_height, spec.nose_height
+        raise CaromError(f"{told}: {unfit}; take a radius between {least:.4g} and {most:.4g} m")
     shelf = spec.side_shelf if abs(x - 0.5 * spec.length) < 0.5 * spec.side_mouth else 0.0
     if not (0 <= x <= spec.length and -shelf <= y <= spec.width + shelf):
         raise CaromError(

@@ -45,15 +45,22 @@ class BilliardTable(Table):
         return self
 
 
+def nose_misfit(radius: float, nose_height: float) -> str | None:
+    """Why a ball and a nose do not go together; None if they do."""
+    if 0 < radius < nose_height < 2 * radius:
+        return None
+    return (
+        f"nose_height must be above the centre of the ball and below its top, {radius:g} to {2 * radius:g} m,"
+        f" found {nose_height:g}"
+    )
+
+
 def misfit(table: Any) -> str | None:
     """Why no table has these measures (the attributes of a `BilliardTable`, SI); None if one can."""
     r, length, width = table.ball_radius, table.length, table.width
     corner, side = table.corner_mouth, table.side_mouth
-    if not 0 < r < table.nose_height < 2 * r:
-        return (
-            f"nose_height must be above the centre of the ball and below its top, {r:g} to {2 * r:g} m,"
-            f" found {table.nose_height:g}"
-        )
+    if told := nose_misfit(r, table.nose_height):
+        return told
     if min(length, width) < 10 * r:
         return f"{length:g} m x {width:g} m is too small for balls of {r:g} m"
     if bool(corner) != bool(side):
