@@ -218,8 +218,11 @@ def test_the_server_answers_and_refuses_in_words() -> None:
         assert ask("save", {})[1]["name"] == "shot-1.toml"
         for what, given, expected, told in (
             ("aim", {"speed": -1}, 400, "speed must be above 0"),
-            ("aim", b"{", 400, "Expecting"),
-            ("aim", b"[" * 9000, 400, ""),
+            ("aim", b"{", 400, "no JSON from its character 2 on"),
+            ("aim", b"", 400, "no JSON from its character 1 on"),
+            ("aim", b'{"speed": "\xff"}', 400, "no UTF-8 from its byte 12 on"),
+            ("aim", b"[" * 9000, 400, "nested too deeply"),
+            ("aim", b'{"speed": ' + b"9" * 5000 + b"}", 400, "a number of too many digits"),
             ("place", {"ball": "cue"}, 400, "ball, x and y"),
             ("undo", {}, 400, "nothing to undo"),
             ("elsewhere", {}, 404, "no such request"),

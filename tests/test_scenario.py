@@ -231,6 +231,15 @@ class TestQuantities:
             units.parse(text, "length")
         assert "cm, mm" in caught.value.cure
 
+    @pytest.mark.parametrize("dimension", [name for name, row in units.DIMENSIONS.items() if row[1]])
+    def test_messages_name_every_unit_of_a_dimension_and_such_that_work(self, dimension: str) -> None:
+        told = units.expected(dimension).rpartition("with a unit of ")[2].split(", ")
+        assert all(units.parse(f"1 {unit}", dimension) > 0 for unit in told)
+        own = {unit for unit, row in units.UNITS.items() if row[2] == units.DIMENSIONS[dimension][0]}
+        assert own <= set(told)
+        assert len(told) == len(set(told))
+        assert dimension != "speed" or {"ft/s", "mph", "km/h"} < set(told)
+
     @pytest.mark.parametrize(
         ("text", "dimension", "meant"),
         [

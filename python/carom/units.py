@@ -19,25 +19,25 @@ Dimension = tuple[int, int, int, int]
 """Exponents of length, mass, time and angle."""
 
 DIMENSIONS: dict[str, tuple[Dimension, str, str]] = {
-    # name: exponents, SI unit, other units worth naming in a message
-    "number": ((0, 0, 0, 0), "", "no unit"),
-    "length": ((1, 0, 0, 0), "m", "m, cm, mm, um, in"),
-    "area": ((2, 0, 0, 0), "m^2", "m^2, cm^2, mm^2"),
-    "mass": ((0, 1, 0, 0), "kg", "kg, g, mg, oz, lb"),
-    "time": ((0, 0, 1, 0), "s", "s, ms, us, min"),
-    "angle": ((0, 0, 0, 1), "rad", "rad, deg, rev"),
+    # name: exponents, SI unit, made units that messages name besides those of `UNITS`
+    "number": ((0, 0, 0, 0), "", ""),
+    "length": ((1, 0, 0, 0), "m", ""),
+    "area": ((2, 0, 0, 0), "m^2", "m^2, cm^2, mm^2, in^2, ft^2"),
+    "mass": ((0, 1, 0, 0), "kg", ""),
+    "time": ((0, 0, 1, 0), "s", ""),
+    "angle": ((0, 0, 0, 1), "rad", ""),
     "frequency": ((0, 0, -1, 0), "1/s", "1/s, 1/min"),
-    "speed": ((1, 0, -1, 0), "m/s", "m/s, mm/s, km/h, mph"),
-    "acceleration": ((1, 0, -2, 0), "m/s^2", "m/s^2, cm/s^2"),
-    "angular speed": ((0, 0, -1, 1), "rad/s", "rad/s, deg/s, rpm"),
+    "speed": ((1, 0, -1, 0), "m/s", "m/s, cm/s, mm/s, km/h, ft/s, in/s"),
+    "acceleration": ((1, 0, -2, 0), "m/s^2", "m/s^2, cm/s^2, ft/s^2"),
+    "angular speed": ((0, 0, -1, 1), "rad/s", "rad/s, deg/s, rev/s"),
     "density": ((-3, 1, 0, 0), "kg/m^3", "kg/m^3, g/cm^3"),
     "moment of inertia": ((2, 1, 0, 0), "kg m^2", "kg m^2, g mm^2"),
-    "force": ((1, 1, -2, 0), "N", "N, mN, kN"),
+    "force": ((1, 1, -2, 0), "N", ""),
     "moment": ((2, 1, -2, 0), "N m", "N m, mN m, N mm"),
     "stiffness": ((0, 1, -2, 0), "N/m", "N/m, N/mm"),
     "damping": ((0, 1, -1, 0), "N s/m", "N s/m, kg/s"),
     "rotational damping": ((2, 1, -1, 0), "N m s", "N m s, mN m s"),
-    "pressure": ((-1, 1, -2, 0), "Pa", "Pa, kPa, MPa, GPa"),
+    "pressure": ((-1, 1, -2, 0), "Pa", ""),
 }
 
 _Unit = tuple[Fraction, int, Dimension]  # rational factor, power of pi, exponents
@@ -159,9 +159,11 @@ def factor(unit: str) -> float:
 
 
 def expected(dimension: str) -> str:
-    """What may stand there, in words: `a number in m, or "NUMBER UNIT" with a unit of m, cm, mm, um, in`."""
-    _, si, others = DIMENSIONS[dimension]
-    return f'a number in {si}, or "NUMBER UNIT" with a unit of {others}' if si else "a plain number"
+    """What may stand there, in words: `a number in m, or "NUMBER UNIT" with a unit of m, km, cm, mm, um, in, ft`."""
+    exponents, si, made = DIMENSIONS[dimension]
+    known = [*made.split(", "), *(unit for unit, row in UNITS.items() if row[2] == exponents)]
+    units = ", ".join(filter(None, known))
+    return f'a number in {si}, or "NUMBER UNIT" with a unit of {units}' if si else "a plain number"
 
 
 def _article(name: str) -> str:

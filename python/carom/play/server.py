@@ -45,6 +45,25 @@ class _Http(ThreadingHTTPServer):
             super().handle_error(request, client_address)
 
 
+def _read(body: bytes) -> Any:
+    """What a request asks for."""
+    cure = 'send one value, as {"speed": 2.0}'
+    try:
+        return json.loads(body)
+    except json.JSONDecodeError as error:
+        raise CaromError(
+            f"play: the request is no JSON from its character {error.pos + 1} on; {cure}"
+        ) from None
+    except UnicodeDecodeError as error:
+        raise CaromError(
+            f"play: the request is no UTF-8 from its byte {error.start + 1} on; {cure}"
+        ) from None
+    except RecursionError:
+        raise CaromError(f"play: the request is nested too deeply; {cure}") from None
+    except ValueError:  # Python reads no integer of thousands of digits
+        raise CaromError("play: the request has a number of too many digits; write one below 1e308") from None
+
+
 class Server:
     """Serves a game until `stop`, or the end of a `with` block; `url` is where to play."""
 
@@ -174,7 +193,7 @@ class Server:
                     self._json(413, {"error": f"a request has at most {MOST_BYTES} bytes, and says how many"})
                     return
                 try:
-                    given = json.loads(self.rfile.read(int(size)))
+                    given = _read(self.rfile.read(int(size)))
                     with server._lock:
                         found = server.answer(path, given)
                 except (CaromError, ValueError, RecursionError) as error:
