@@ -349,8 +349,8 @@ def rises(run: Run, tally: Tally) -> None:
     swings by, `(pi/resolution)^2/4`. Works of moving walls are exact for constant velocities, else off by the share by which
     these change in the step; those of springs, drag and joints by the change of power within it, which the second difference
     of the kinetic energy shows, and by those of the steps before as long as the filter remembers them (`loads.remembered`);
-    in an impact, after which the kinetic energy may be what it was, by `_grip` of it in a step. What sticks is pulled along one
-    line in a step in which it turns: by the third order of that.
+    in an impact, after which the kinetic energy may be what it was, by `_grip` of it in a step. What sticks turns in a step
+    in which it is pulled along one line: by the third order of that.
     """
     s, o = run.steps, run.options
     h = run.h
