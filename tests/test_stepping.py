@@ -186,7 +186,7 @@ def test_a_simulation_is_not_copied_but_its_state_is(copied: Callable[[object], 
     assert (sim.steps, other.steps) == (10, 20)
 
 
-def test_a_state_that_is_none_and_speeds_that_nothing_has_are_refused() -> None:
+def test_what_is_no_state_is_refused() -> None:
     sim = ball()
     for nothing, told in ((None, "nothing"), ([1.0], "list")):
         with pytest.raises(
@@ -194,8 +194,8 @@ def test_a_state_that_is_none_and_speeds_that_nothing_has_are_refused() -> None:
         ):
             sim.restore(nothing)  # type: ignore[arg-type]
     state = sim.state()
-    state["velocity"][0, 0] = 1e200
-    with pytest.raises(carom.CaromError, match="velocity holds a number that is not finite, or too large"):
+    state["velocity"][0, 0] = np.inf
+    with pytest.raises(carom.CaromError, match="velocity holds a number that is not finite"):
         sim.restore(state)
 
 
