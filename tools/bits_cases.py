@@ -197,6 +197,38 @@ def periodic(size: str) -> Iterator[tuple[str, Case]]:
     yield "periodic/box", functools.partial(run, scene, steps=STEPS[size])
 
 
+def sticky(size: str) -> Iterator[tuple[str, Case]]:
+    """Balls and clumps that stick to one another, under a free lid in a box that shears."""
+    import carom
+
+    scene = carom.Scene("sticky", periodic=(0.03, 0.03, 0.0), run={"step": 5e-4, "until": 1.0})
+    scene.contact("grain", "grain", friction=0.4, restitution=0.3, cohesion=0.02, rupture_distance=1e-4)
+    scene.contact("grain", "wall", friction=0.0, restitution=0.3, cohesion=0.01, rupture_distance=1e-4)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="wall")
+    free = {"mass": 0.01, "force": 0.1}
+    scene.plane("lid", point=(0, 0, 0.05), normal=(0, 0, -1), material="wall", free=free)
+    for k in range(18):
+        place = (0.01 * (k % 3) + 0.003, 0.01 * (k // 3 % 3) + 0.003, 0.008 + 0.012 * (k // 9))
+        spheres = [[-0.002, 0, 0, 0.002], [0.002, 0, 0, 0.002]] if k % 3 else [[0, 0, 0, 0.004]]
+        common = {"density": 2500, "material": "grain", "velocity": (0.1 * (k % 3 - 1), 0, -0.2)}
+        scene.clump(f"c{k}", spheres=spheres, at=place, orientation=(0.6, 0, 0.8, 0), **common)
+        beside = (place[0] + 0.005, place[1] + 0.005, place[2])
+        scene.sphere(f"b{k}", radius=0.002, at=beside, **common)
+    scene.deform(shear="2*t", flow="x", gradient="y")
+    yield "sticky/clumps", functools.partial(run, scene, steps=STEPS[size])
+
+
+def events(size: str) -> Iterator[tuple[str, Case]]:
+    """A break by method `events`."""
+    from carom import billiards
+
+    table = billiards.table("9ft")
+    scene = table.scene("break", until=1.0, method="events", step=0.1)
+    table.rack(scene, order="9-ball", gap=1e-4, jitter=2e-5, seed=1)
+    billiards.strike(table.cue_ball(scene, at="head spot"), speed="20 mph", direction="0 deg", height=0.1)
+    yield "events/break", functools.partial(run, scene)
+
+
 def penalty(size: str) -> Iterator[tuple[str, Case]]:
     """Balls whose contacts are springs and dampers, soft ones so that the cases are short; both laws of sliding friction."""
     import carom
@@ -222,5 +254,5 @@ def problems(size: str) -> Iterator[tuple[str, Case]]:
 
 def every(size: str) -> dict[str, Case]:
     """All cases of a size, `short` or `full`, by name."""
-    sources = (scenarios, drops, periodic, penalty, problems)
+    sources = (scenarios, drops, periodic, sticky, events, penalty, problems)
     return {name: case for source in sources for name, case in source(size)}
