@@ -219,3 +219,34 @@ def test_forces_that_cancel_give_no_warning_of_energy(recwarn: pytest.WarningsRe
     scene.load(on="b", force=(0, 0, -0.0199))
     assert carom.simulate(scene, step=1e-4, until=0.05).summary["energy"]["rises"] == 0
     assert not [str(told.message) for told in recwarn if "energy rose" in str(told.message)]
+
+
+@pytest.mark.parametrize("force", [20.0, 100.0])
+def test_what_is_pulled_far_in_a_step_passes_through_nothing(force: float) -> None:
+    """A stack of balls with room between them: the pull alone would bring each beyond the next one within a step."""
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("m", "m", friction=0.4, restitution=0.0, cohesion=force, rupture_distance=1e-3)
+    scene.plane("disc", material="m", point=(0, 0, 0), normal=(0, 0, 1), radius=0.02)
+    for k in range(6):
+        place = (0, 0, 0.005 + 5e-4 + k * 0.0105)
+        scene.sphere(f"b{k}", radius=0.005, density=2500, material="m", at=place)
+    result = run(scene, 0.02)
+    np.testing.assert_allclose(result.position[-1, :, 2] / 0.005, [1, 3, 5, 7, 9, 11], atol=1e-6)
+    assert result.summary["substeps"] > 0
+    assert result.energy.total.max() < 1e-9
+
+
+def test_powder_whose_pull_is_many_times_its_weight_comes_to_rest() -> None:
+    """Grains of 20 micrometres, Bond number 244: in a step each would go 15 radii by the pull."""
+    radius = 2e-5
+    mass = 4 / 3 * np.pi * radius**3 * 2500
+    scene = carom.Scene()
+    law = {"friction": 0.4, "restitution": 0.1, "cohesion": 244 * mass * G, "rupture_distance": 0.1 * radius}
+    scene.contact("m", "m", **law)
+    scene.plane("floor", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    for k in range(8):
+        place = np.array([2.05 * (k % 2), 2.05 * (k // 2 % 2), 1.02 + 2.05 * (k // 4)]) * radius
+        scene.sphere(f"b{k}", radius=radius, density=2500, material="m", at=tuple(place))
+    result = run(scene, 0.05)
+    assert np.abs(result.velocity[-1]).max() < 1e-4
+    assert np.ptp(result.position[-1], axis=0).max() < 5 * radius

@@ -365,18 +365,18 @@ def test_a_row_of_linear_springs_has_its_closed_form(law: str) -> None:
 
 @pytest.mark.parametrize("law", ["compliant", "binary"])
 def test_springs_that_are_cut_short_do_not_take_the_energy(law: str) -> None:
-    """A light ball between a wall and one of 1e6 times its mass: thousands of hits, which took all energy with them."""
+    """A light ball between a wall and one of 1e8 times its mass: many thousand hits, which took all energy with them."""
     scene = carom.Scene("squeezed", gravity=(0.0, 0.0, 0.0))
     scene.contact("a", "a", friction=0.0, restitution=1.0)
     scene.plane("wall", point=(0.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0), material="a")
     scene.sphere("light", radius=0.01, mass=1.0, at=(0.02, 0.0, 0.0), material="a")
-    scene.sphere("heavy", radius=0.01, mass=1e6, at=(0.05, 0.0, 0.0), velocity=(-1.0, 0.0, 0.0), material="a")
+    scene.sphere("heavy", radius=0.01, mass=1e8, at=(0.05, 0.0, 0.0), velocity=(-1.0, 0.0, 0.0), material="a")
     with pytest.warns(carom.CaromWarning, match="times the mass"):
         result = carom.simulate(scene, step=1e-3, until=0.1, impact=law)
     assert result.summary["truncated_sequences"] == 1
     assert result.summary["fallbacks"] == 0
     kinetic = result.energy.kinetic
-    assert 0.95 * kinetic[0] < kinetic[-1] <= kinetic[0]
+    assert 0.9 * kinetic[0] < kinetic[-1] <= kinetic[0]
     assert result["heavy"].velocity[-1, 0] > 0.0
 
 

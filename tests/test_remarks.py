@@ -51,7 +51,7 @@ def test_a_run_that_stops_there_names_the_cure_too(step: float) -> None:
     with pytest.raises(RunFailed) as stopped:
         carom.simulate(tube(turning, until=3.0, step=step))
     said = str(stopped.value)
-    assert "between b and tube (the centre of b has sunk into tube); position_projection = true" in said
+    assert "between b and tube (its centre has sunk into it); method = " in said
     assert "step of" not in said
     [note] = [note for note in stopped.value.__notes__ if "overlapped" in note]
     assert "can pass through it: position_projection = true" in note

@@ -39,7 +39,7 @@ def spring_impulses(island: Island) -> F64:
     ]
     z, impulses = gradient @ island.u_n, np.zeros(lay.rows)
     z[lay.joint_rows] = 0.0
-    depth = [0.0] * len(start)
+    depth, top = [0.0] * len(start), [0.0] * len(start)
     least = CLOSING * max(0.0, *(-z[n] for n in start))
 
     def drift(dt: float) -> None:
@@ -82,18 +82,18 @@ def spring_impulses(island: Island) -> F64:
         impulses[:] += given
 
     while True:
-        units, fastest = [], 0.0
+        steps = []
         for i, n in enumerate(start):
             wk = inverse[n] * stiffness[i]
             squared = z[n] ** 2 + 2.0 / (p + 1.0) * wk * max(0.0, depth[i]) ** (p + 1.0)
             if squared > least**2 and (depth[i] > 0.0 or z[n] < 0.0):
-                units.append(wk ** (-1.0 / (p + 1.0)) * squared ** (0.5 * (1.0 - p) / (p + 1.0)))
-                fastest = max(fastest, float(squared) ** 0.5)
-        if not units:
+                # the error of a step goes with the speed, so fewer do where that of a contact has died out
+                top[i] = max(top[i], float(squared))
+                unit = wk ** (-1.0 / (p + 1.0)) * squared ** (0.5 * (1.0 - p) / (p + 1.0))
+                steps.append(unit / max(LEAST_RESOLUTION, RESOLUTION * (squared / top[i]) ** 0.25))
+        if not steps:
             return impulses
-        # the error of a step goes with the speeds, so fewer do as the impact dies out
-        slower = min(1.0, fastest * CLOSING / least)
-        dt = min(units) / max(LEAST_RESOLUTION, RESOLUTION * slower**0.5)
+        dt = min(steps)
         if max(depth) <= 0.0:
             drift(min(depth[i] / z[n] for i, n in enumerate(start) if z[n] < -least))
         drift(0.5 * dt)

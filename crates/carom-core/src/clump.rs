@@ -15,7 +15,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::method::Step;
 use crate::stepper::Prediction;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 /// Turn of a clump in a step (rad) from which on its balls may pass others within it: the step is divided. Larger: they do.
 const TOO_FAR: f64 = 1.0;
@@ -39,15 +39,7 @@ pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
         let to = clump.free_turn(q, momentum, h);
         let (end, turn) = (clump.turning(to, momentum), to * q.inverse());
         let turn = increment(turn);
-        let most = w.length().max(end.length()) * h;
-        if most > TOO_FAR {
-            let (ball, reach) = (clump.balls.start as u32, model.radius[i]);
-            return Err(Failure::TooFar {
-                bodies: (ball, ball),
-                travel: most * reach,
-                length: TOO_FAR * reach,
-            });
-        }
+        refuse_far(model, i, clump, w.length().max(end.length()) * h)?;
         scratch.angular[i] = Prediction {
             velocity: end,
             displacement: turn,
@@ -73,7 +65,13 @@ pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
 }
 
 /// Turns clumps by what loads gave their balls in the step ([`places::Clumps::push`]), of which places have the share `way` (s) of the velocities.
-pub(crate) fn turn_by_loads(model: &Model, state: &State, scratch: &mut Scratch, way: f64) {
+/// Fails if one turns too far.
+pub(crate) fn turn_by_loads(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    way: f64,
+) -> Result<(), Failure> {
     for (number, i, clump) in present(model, state) {
         let (moment, to) = (
             scratch.clumps.moment[number],
@@ -81,9 +79,34 @@ pub(crate) fn turn_by_loads(model: &Model, state: &State, scratch: &mut Scratch,
         );
         let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]) + moment;
         scratch.angular[i].velocity = clump.turning(to, momentum);
-        scratch.pulled[i][1] = way * clump.turning(to, moment);
+        let [shift, turn] = [scratch.pulled[i][0], way * clump.turning(to, moment)];
+        refuse_far(
+            model,
+            i,
+            clump,
+            (scratch.angular[i].displacement + turn).length(),
+        )?;
+        scratch.pulled[i][1] = turn;
+        for ball in clump.balls.clone() {
+            let lever = scratch.clumps.lever[ball];
+            scratch.pulled[ball] = [shift + advance(turn, DQuat::IDENTITY) * lever - lever, turn];
+        }
         give(clump, i, scratch);
     }
+    Ok(())
+}
+
+/// Refuses a turn in a step (rad) in which balls of a clump may pass others.
+fn refuse_far(model: &Model, i: usize, clump: &Clump, turn: f64) -> Result<(), Failure> {
+    if turn <= TOO_FAR {
+        return Ok(());
+    }
+    let (ball, reach) = (clump.balls.start as u32, model.radius[i]);
+    Err(Failure::TooFar {
+        bodies: (ball, ball),
+        travel: turn * reach,
+        length: TOO_FAR * reach,
+    })
 }
 
 /// Puts clumps where their centres are and turns them; `moved` are the corrections of both since the smooth step. Their balls follow.

@@ -158,7 +158,6 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
         0.5 * h
     };
     let (mut pulls, mut driven_pulls) = (Vec::new(), Vec::new());
-    scratch.pulled.fill([DVec3::ZERO; 2]);
     // Centres of t_n, in the box of then.
     let course = &mut scratch.walls.periodic;
     let now = std::mem::replace(&mut course.now, course.start);
@@ -206,7 +205,18 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
         }
     }
     scratch.driven_pulls = driven_pulls;
-    for (a, b, impulse) in pulls {
+    give(model, state, scratch, &pulls, way)
+}
+
+/// Moves bodies by impulses on the first ones of pairs: their places by the share `way` (s) of the velocities, at once or with the loads.
+fn give(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    pulls: &[(u32, u32, DVec3)],
+    way: f64,
+) -> Result<(), Failure> {
+    for &(a, b, impulse) in pulls {
         for (body, sign) in [(a, 1.0), (b, -1.0)] {
             if let Some(i) = scratch.clumps.push(model, body, sign * impulse) {
                 let change = sign * model.inv_mass[i] * impulse;
@@ -221,8 +231,7 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
             }
         }
     }
-    clump::turn_by_loads(model, state, scratch, way);
-    Ok(())
+    clump::turn_by_loads(model, state, scratch, way)
 }
 
 /// Adds what cohesion gave walls in the step to their impulses, with balls at `position`; returns the work that moving ones, and images of a box that

@@ -430,6 +430,9 @@ impl Outcome {
             (Failure::BlowUp(_), _) => {
                 "look for extreme speeds, masses, inertias or radii of these bodies; try a smaller step"
             }
+            (Failure::TooFar { travel, length, .. }, _) if travel < length => {
+                "method = \"moreau\" lets balls sink into walls: position_projection = true keeps them out; else look at what presses it"
+            }
             (Failure::TooFar { .. }, _) => {
                 "take the step that the message names, or more max_halvings; if the speed is not meant, look at what made it"
             }

@@ -85,6 +85,13 @@ pub struct Scratch {
 }
 
 impl Scratch {
+    /// Way of a body in its smooth motion and by cohesion, m.
+    #[inline]
+    pub(crate) fn way(&self, i: usize) -> DVec3 {
+        let smooth = self.linear[i].displacement;
+        self.pulled.get(i).map_or(smooth, |by| smooth + by[0])
+    }
+
     pub fn new(model: &Model) -> Scratch {
         let n = model.bodies();
         let mut neighbours = NeighbourList::new();

@@ -451,7 +451,10 @@ impl Simulation {
                     true => "it turns",
                     false => "they meet",
                 };
-                out.message = (travel >= length).then(|| self.too_fast(how, travel, length));
+                out.message = Some(match travel < length {
+                    true => "its centre has sunk into it".to_owned(),
+                    false => self.too_fast(how, travel, length),
+                });
             }
             Failure::BlowUp(what) => {
                 out.bodies = pair(what.bodies);

@@ -20,7 +20,7 @@ use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::method::Step;
-use crate::stepper::{Prediction, Span};
+use crate::stepper::Span;
 use crate::timers::Phase;
 use crate::wall::places::{proximity_at, Walls};
 use crate::{pile, travel};
@@ -35,12 +35,11 @@ pub(crate) const MAX_RELIST: u32 = 20;
 pub fn step(on: &mut Step) -> Result<(), Failure> {
     predict_and_smooth(on)?;
     on.timers.mark(Phase::Predict);
+    on.scratch.pulled.fill([DVec3::ZERO; 2]);
     let mut fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
     if on.model.cohesive_reach() > 0.0 {
         cohesion::pull(on, on.span)?;
-        if !on.model.options.loads_once() {
-            fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
-        }
+        fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
     }
     travel::check(on.model, on.state, on.scratch, fastest)?;
     on.timers.mark(Phase::Broad);
@@ -96,13 +95,14 @@ fn check_forces(model: &Model, displaced: &[DVec3], span: Span) -> Result<(), Lo
 
 /// Pairs that may come within the candidate margin during the step. The largest way of a sphere in its smooth motion, m.
 fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<f64, Failure> {
-    let (walls, linear) = (&scratch.walls, &scratch.linear);
+    let (walls, linear, pulled) = (&scratch.walls, &scratch.linear, &scratch.pulled);
     let (threads, moves) = (model.options.threads as usize, walls.any_moves());
-    let reach = model.cohesive_reach() + way_of_free_walls(model, linear);
+    let reach = model.cohesive_reach() + way_of_free_walls(model, scratch);
     let each = |first: usize, needs: &mut [f64]| {
         let mut fastest = 0.0f64;
         for (i, need) in (first..).zip(needs) {
-            let (r, way) = (model.radius[i], linear[i].displacement);
+            let (r, smooth) = (model.radius[i], linear[i].displacement);
+            let way = pulled.get(i).map_or(smooth, |by| smooth + by[0]);
             let way = walls.periodic.own_way(state.position[i], way).length();
             let mut reach = way + CANDIDATE_MARGIN * r + reach;
             let of_box = walls.periodic.change(r + reach);
@@ -124,10 +124,9 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Re
 }
 
 /// The largest way of a free wall in its smooth motion, m.
-fn way_of_free_walls(model: &Model, linear: &[Prediction]) -> f64 {
-    let way = |p: &Prediction| p.displacement.length();
-    linear[model.first_wall()..]
-        .iter()
+fn way_of_free_walls(model: &Model, scratch: &Scratch) -> f64 {
+    let way = |i: usize| scratch.way(i).length();
+    (model.first_wall()..model.bodies())
         .map(way)
         .fold(0.0, f64::max)
 }

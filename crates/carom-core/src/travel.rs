@@ -60,24 +60,20 @@ fn met(model: &Model, state: &State, scratch: &Scratch, a: u32, b: u32) -> Optio
     if !state.present[i] || state.present.get(j) == Some(&false) {
         return None;
     }
-    let (x, r, d) = (
-        state.position[i],
-        model.radius[i],
-        scratch.linear[i].displacement,
-    );
+    let (x, r, d) = (state.position[i], model.radius[i], scratch.way(i));
     if j >= model.first_wall() {
         // Against a free wall where it was given.
         let from = displacement(&state.position, b);
-        let by = scratch
-            .linear
-            .get(j)
-            .map_or(DVec3::ZERO, |p| p.displacement);
+        let by = match j < model.bodies() {
+            true => scratch.way(j),
+            false => DVec3::ZERO,
+        };
         return met_wall(model, &scratch.walls, (a, b), x - from, d - by);
     }
     let (course, between) = (&scratch.walls.periodic, x - state.position[j]);
     let image = course.images_away(between).as_dvec3();
     let from = course.start.nearest(between);
-    let along = d - scratch.linear[j].displacement - course.way(image);
+    let along = d - scratch.way(j) - course.way(image);
     let length = r.min(model.radius[j]);
     if along.length_squared() < length * length {
         return None;

@@ -388,10 +388,11 @@ def rises(run: Run, tally: Tally) -> None:
     if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
         strongest = float(np.nanmax(run.model["cohesion"]))
         bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
-        # What sticks turns in a step, in which it is pulled along one line: of third order.
-        fastest = np.sqrt(2.0 * motion / run.mass.min())
-        turn = np.minimum(h * fastest / run.radius.min(), 1.0)
-        bound = bound + np.sqrt(2.0 * s["contacts"]) * strongest * h * fastest * turn**2
+        # What sticks turns in a step, in which it is pulled along one line: of third order. By the motion before, and by
+        # what one pull gives; some are twice as fast as the mean.
+        fast = 2.0 * np.sqrt(2.0 * kinetic[:-1] / run.whole_mass) + h * strongest / run.mass.min()
+        turn = np.minimum(h * fast / run.radius.min(), 1.0)
+        bound = bound + s["contacts"] * strongest * h * fast * turn**2
         # Of a wall that goes away nothing is torn off.
         gone = sum(~wall.there(s["time"] - 0.5 * h) & wall.there(s["time"] - 1.5 * h) for wall in run.walls)
         bound = bound + gone * run.balls * 0.5 * strongest * float(np.max(run.model["rupture_distance"]))

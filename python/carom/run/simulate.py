@@ -496,7 +496,7 @@ class Run:
         segment |= {"to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
         about["segments"] = [*(part for part in about["segments"] if part is not segment), segment]
         about["status"] = "failed" if failed else ending.kind
-        about["outcome"] = summary.sunk(summary.named(ending.outcome, self.names, self.wall_names), scene)
+        about["outcome"] = summary.named(ending.outcome, self.names, self.wall_names)
         about["finished"] = now()
         about["summary"] = summary.summary(scene, simulation, self.plan, about)
         return problem

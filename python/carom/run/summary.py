@@ -13,7 +13,6 @@ import numpy as np
 import carom
 from carom import _core
 from carom.result.kinematics import QUANTITIES
-from carom.result.remarks import apart
 from carom.run import checkpoint
 
 if TYPE_CHECKING:
@@ -80,14 +79,6 @@ def named(outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str
     if found.get("bodies") is not None:
         found["bodies"] = [names[i] if 0 <= i < len(names) else str(i) for i in found["bodies"]]
     return found
-
-
-def sunk(outcome: dict[str, Any], scene: Scene) -> dict[str, Any]:
-    """The outcome of a run, with what keeps balls from sinking into walls where one has, up to its centre."""
-    if outcome["kind"] != "sunk":
-        return outcome
-    ball, wall = outcome["bodies"]
-    return outcome | {"message": f"the centre of {ball} has sunk into {wall}", "advice": apart(scene)}
 
 
 def plain(value: Any) -> Any:

@@ -22,7 +22,8 @@ use crate::options::{Impact, Options};
 use carom_solve::rows::{RowSystem, NODE_DOF};
 
 /// Steps for each unit `(m/k)^(2/5) v^(-1/5)` of time, of which a free collision takes 3.2. The error goes with its square: at 500 the last of ten
-/// balls is right to 1e-6. It goes with the speeds too, so fewer do as an impact dies out, down to the second: below, a spring is no spring.
+/// balls is right to 1e-6. It goes with the speeds too, so fewer do where those of a contact have died out, down to the second: below, a spring is no
+/// spring.
 const RESOLUTION: f64 = 500.0;
 const LEAST_RESOLUTION: f64 = 30.0;
 /// Steps from which on an impact is cut as soon as nothing is compressed, so that no spring keeps energy, and at all. Fewer cut impacts that run through
@@ -53,7 +54,10 @@ pub fn through_springs(island: &mut impl ImpactIsland) -> bool {
         }
         if island.report().truncated > before {
             let later = island.later(Law::Later, problem);
-            return end(island, Law::Later, later);
+            let ended = end(island, Law::Later, later);
+            // However often it was cut, it is one sequence.
+            island.report().truncated = before + 1;
+            return ended;
         }
         island.choose(|_| true);
         if !solve_problem(island, law, problem, Start::Nothing) {
@@ -105,24 +109,20 @@ pub fn impulses(
         lambda: vec![0.0; system.rows()],
         depth: vec![0.0; contacts.len()],
         restitution: vec![1.0; contacts.len()],
+        top: vec![0.0; contacts.len()],
         given: vec![[0.0; 3]; contacts.len()],
     };
     let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -system.z0[c.row as usize]));
     let least = CLOSING * speed;
     for k in 0..MOST_STEPS {
-        let moving = (0..contacts.len()).filter_map(|i| at.unit(i, least));
-        let (unit, fastest) = moving.fold((f64::INFINITY, 0.0), |(unit, fastest), (u, v)| {
-            (f64::min(unit, u), f64::max(fastest, v))
-        });
-        if unit.is_infinite() {
+        let dt = (0..contacts.len()).fold(f64::INFINITY, |dt, i| dt.min(at.step(i, least)));
+        if dt.is_infinite() {
             return Some((at.lambda, false));
         }
         let is_free = at.depth.iter().all(|&d| d <= 0.0);
         if is_free && k > MANY_STEPS {
             break;
         }
-        let resolution = RESOLUTION * (fastest / speed).min(1.0).sqrt();
-        let dt = unit / resolution.max(LEAST_RESOLUTION);
         if is_free {
             // Nothing happens before the first gap is closed.
             let closing = (0..contacts.len()).map(|i| (at.depth[i], at.measure(i, 0)));
@@ -150,6 +150,8 @@ struct Springs<'a> {
     depth: Vec<f64>,
     /// e_N of what was compressed: by the speed that all of its work makes.
     restitution: Vec<f64>,
+    /// Square of the largest speed of each contact so far.
+    top: Vec<f64>,
     /// Impulses of the kick at hand.
     given: Vec<[f64; 3]>,
 }
@@ -161,14 +163,19 @@ impl Springs<'_> {
         self.system.z0[row] + self.system.row_velocity(c, row, &self.u)
     }
 
-    /// The unit of time of a contact that is compressed or closes, and the speed that it has, and would have without its spring.
-    fn unit(&self, i: usize, least: f64) -> Option<(f64, f64)> {
+    /// How long a step a contact admits that is compressed or closes, by the speed that it has, and would have without its spring; others any.
+    fn step(&mut self, i: usize, least: f64) -> f64 {
         let (v, d, inverse) = (self.measure(i, 0), self.depth[i], self.inverse(i));
         let squared = v * v + self.squared(i);
         let moves = squared > least * least && (d > 0.0 || v < 0.0) && inverse > 0.0;
         let n = self.exponent + 1.0;
-        let unit = || inverse.powf(-1.0 / n) * squared.powf((2.0 - n) / (2.0 * n));
-        moves.then(|| (unit(), squared.sqrt()))
+        if !moves {
+            return f64::INFINITY;
+        }
+        self.top[i] = self.top[i].max(squared);
+        let resolution = RESOLUTION * (squared / self.top[i]).sqrt().sqrt();
+        let unit = inverse.powf(-1.0 / n) * squared.powf((2.0 - n) / (2.0 * n));
+        unit / resolution.max(LEAST_RESOLUTION)
     }
 
     /// `k d^n`.
