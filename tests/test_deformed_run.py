@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from carom import granular
 from deformed_runs import deformed, scene
-from docs_pages import DOCS, blocks
 from fake_runs import everything, interrupted
 
 DEFORMATIONS: dict[str, dict[str, Any]] = {
@@ -132,15 +131,6 @@ def test_contacts_across_a_sheared_face_are_closed_where_the_balls_touch(flow: c
     assert s.branch[pushing] == pytest.approx(delta[pushing], abs=0.05 * s.radius[0])
     z = granular.coordination(flow, region=granular.whole_box(flow))
     assert z.mean == pytest.approx(2 * pushing.sum() / len(s.radius))
-
-
-def test_the_example_of_the_page_gives_its_numbers() -> None:
-    """docs/reference/granular.md, "Shear a packing"."""
-    text = next(b for b in blocks(DOCS / "reference" / "granular.md", "python") if "def sheared(" in b)
-    names: dict[str, Any] = {"carom": carom, "granular": granular, "np": np}
-    exec(text, names)
-    assert names["friction"] == pytest.approx(0.51, abs=0.02)
-    assert names["inertial"] == pytest.approx(0.34, abs=0.02)
 
 
 @pytest.mark.parametrize("law", [{"table": [[0.0, 0.0], [0.1, 1.0], [0.3, 1.0]]}, "min(10*t, 1)"])

@@ -1,0 +1,72 @@
+"""Pages of the reference run as a reader runs them: their blocks in files, with the numbers that the pages state."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from docs_pages import DOCS, blocks
+
+REFERENCE = DOCS / "reference"
+NUMBER = r"-?\d+(?:\.\d+)?"
+
+
+def python(folder: Path, name: str, text: str) -> str:
+    """Write a file and run it there; what it prints. Run from a file, as workers of a study read it again."""
+    (folder / name).write_text(text, "utf-8")
+    done = subprocess.run(
+        [sys.executable, name],
+        cwd=folder,
+        env={**os.environ, "MPLBACKEND": "agg"},
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def stated(page: Path, pattern: str) -> tuple[float, float]:
+    """The range that a page states, where `pattern` has it as RANGE."""
+    found = re.search(pattern.replace("RANGE", f"({NUMBER}) to ({NUMBER})"), page.read_text("utf-8"))
+    assert found, pattern
+    return float(found[1]), float(found[2])
+
+
+#: What docs/reference/granular.md prints of its runs, and where it says what to expect.
+PRINTED = {
+    rf"the tube carries ({NUMBER}) %": r"the tube carries RANGE %",
+    rf"the grains bear ({NUMBER}) N": r'"the grains bear".*# RANGE\n',
+    rf"the lid sank by ({NUMBER}) mm": r'"the lid sank by".*# RANGE\n',
+    rf"its speed is ({NUMBER}) mm/s": r'"its speed is".*# RANGE:',
+    rf"friction ({NUMBER}) at": r"effective friction of the flow: RANGE\n",
+    rf"inertial number ({NUMBER})": r"rate d sqrt\(density/p\): RANGE\n",
+}
+
+
+def test_a_packing_from_start_to_end(tmp_path: Path) -> None:
+    """docs/reference/granular.md: `packing.py` as the page says gives its numbers; then `friction.py`."""
+    page = REFERENCE / "granular.md"
+    measures, *packing, study = blocks(page, "python")
+    python(tmp_path, "measures.py", measures)
+    assert "carom.sweep(" in study
+    assert "carom.sweep(" not in "".join(packing)
+    printed = python(tmp_path, "packing.py", "\n".join(packing))
+    for shown, said in PRINTED.items():
+        found = re.search(shown, printed)
+        assert found, (shown, printed)
+        low, high = stated(page, said)
+        assert low <= float(found[1]) <= high, (shown, found[1])
+    pytest.importorskip("dask", reason="the study has two workers")
+    # Two cases of a tenth of the time: as printed, the study takes 20 s.
+    fewer = study.replace("[0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8]", "[0.0, 0.4]")
+    scenario = tmp_path / "packing.toml"
+    text = scenario.read_text("utf-8")
+    assert "until = 0.5\n" in text
+    scenario.write_text(text.replace("until = 0.5\n", "until = 0.05\n"), "utf-8")
+    assert "[0.  0.4] [0." in python(tmp_path, "friction.py", fewer)
