@@ -70,3 +70,13 @@ def test_a_packing_from_start_to_end(tmp_path: Path) -> None:
     assert "until = 0.5\n" in text
     scenario.write_text(text.replace("until = 0.5\n", "until = 0.05\n"), "utf-8")
     assert "[0.  0.4] [0." in python(tmp_path, "friction.py", fewer)
+
+
+def test_stepping(tmp_path: Path) -> None:
+    """docs/reference/stepping.md: its blocks in one file, to the last comment."""
+    pytest.importorskip("matplotlib", reason="the first block draws a figure")
+    page = "\n".join(blocks(REFERENCE / "stepping.md", "python"))
+    printed = python(tmp_path, "stepping.py", page + "\nprint(sim.time, sim.position[:, 0])\n")
+    first, _, last = printed.splitlines()
+    assert float(first) == pytest.approx(0.02)
+    assert float(last.split()[0]) == pytest.approx(2.0, abs=0.02)
