@@ -80,3 +80,27 @@ def test_stepping(tmp_path: Path) -> None:
     first, _, last = printed.splitlines()
     assert float(first) == pytest.approx(0.02)
     assert float(last.split()[0]) == pytest.approx(2.0, abs=0.02)
+
+
+def test_studies(tmp_path: Path) -> None:
+    """docs/reference/sweeps.md: the file and the script, with 8 cases each; one does not take the other's folder."""
+    for name in ("pyarrow", "scipy", "dask", "matplotlib"):
+        pytest.importorskip(name, reason="studies and their figures")
+    page = REFERENCE / "sweeps.md"
+    [study] = blocks(page, "toml")
+    [script] = blocks(page, "python")
+    assert "count = 1000\n" in study
+    (tmp_path / "breaks.toml").write_text(study.replace("count = 1000\n", "count = 8\n"), "utf-8")
+    call = "carom sweep breaks.toml -o breaks --workers 2"
+    assert f"    {call}\n" in page.read_text("utf-8")
+    arguments = call.replace("--workers 2", "--workers 0").split()[1:]  # those of the script are two
+    shown = python(tmp_path, "call.py", f"from carom.cli.app import app\napp({arguments!r})\n")
+    assert "8 cases done, 0 failed" in shown
+    for old, new in (("count=100", "count=8"), ("scene(17)", "scene(7)")):
+        assert old in script
+        script = script.replace(old, new)
+    spread, failures = python(tmp_path, "spreads.py", script).rsplit(" ", 1)
+    assert failures == "[]\n"
+    assert "nan" not in spread
+    assert (tmp_path / "table.csv").read_text("utf-8").startswith("v,mu,spread\n")
+    assert (tmp_path / "spreads" / "plots" / "histograms.png").exists()

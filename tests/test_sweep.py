@@ -50,6 +50,46 @@ class TestInThisProcess:
         assert np.array_equal(larger["cue.position.x"][:16], first["cue.position.x"])
         assert larger["case"].tolist() == list(range(24))
 
+    def test_a_study_of_other_parameters_is_refused_in_the_folder(self, files: Path) -> None:
+        """It once replaced the table of the first, 1000 rows, without a word."""
+        carom.sweep(files / "study.toml", files / "out", workers=0)
+        table = (files / "out" / "sweep.parquet").read_bytes()
+        other = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]})
+        told = r"out holds a study of other parameters: speed, aim\. This one has v; choose another folder"
+        with pytest.raises(CaromError, match=told):
+            carom.sweep(other, files / "out", workers=0)
+        done = CliRunner().invoke(
+            app,
+            ["sweep", str(files / "study.toml"), "-o", str(files / "out"), "--workers", "0", "--no-plots"],
+        )
+        assert "16 cases done, 0 failed; nothing was missing" in done.stdout
+        assert (files / "out" / "sweep.parquet").read_bytes() == table
+
+    def test_a_study_of_which_no_row_is_there_warns_before_it_replaces_the_table(self, files: Path) -> None:
+        carom.sweep(carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}), files / "out", workers=0)
+        with warnings.catch_warnings():  # it grows
+            warnings.simplefilter("error")
+            carom.sweep(carom.Study.of(files / "slide.toml", {"v": [1.0, 3.0]}), files / "out", workers=0)
+        changed = carom.Study.of(files / "slide.toml", {"v": [1.0]}, until=0.01)
+        with pytest.warns(carom.CaromWarning, match=r"no row in .*out fits this study.* that of 3 rows"):
+            assert len(carom.sweep(changed, files / "out", workers=0)) == 1
+        (files / "out" / "sweep.json").write_text("{")  # torn: what varied there is not known
+        changed = carom.Study.of(files / "slide.toml", {"mu": [0.1]})
+        with pytest.warns(carom.CaromWarning, match="no row in .*out fits this study"):
+            carom.sweep(changed, files / "out", workers=0)
+
+    def test_where_all_cases_fail_a_column_that_is_missing_names_the_first_failure(self, files: Path) -> None:
+        def measure(result: carom.Result) -> dict[str, float]:
+            return {"deflection": float(result["ball"].velocity[-1, 1])}
+
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, measure=measure)
+        found = carom.sweep(study, files / "out", workers=0)
+        told = "no column 'deflection'; none of 2 cases is done. Case 0: measure_failed: .*no body is called 'ball'"
+        with pytest.raises(CaromError, match=told):
+            found["deflection"]
+        with pytest.raises(CaromError, match=told):
+            found.to_csv(columns=["v", "deflection"])
+
     def test_rows_say_who_computed_them_and_a_study_of_two_versions_says_so(
         self, files: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

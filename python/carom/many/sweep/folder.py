@@ -9,6 +9,7 @@ plots/          figures with their numbers
 
 from __future__ import annotations
 
+import json
 import os
 import time
 import uuid
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import Array
-from carom.errors import CaromError
+from carom.errors import CaromError, counted
 from carom.export.parquet import require_pyarrow
 from carom.files import RecordError, inside, json_bytes, lock, opened, regular, unwritable, write_whole
 from carom.many.sweep import origin
@@ -111,6 +112,30 @@ class Folder:
                 if found.get(name) != "done":
                     found[name] = outcome
         return found
+
+    def other_study(self, study: Study) -> str:
+        """Refuse a study of other parameters than those here; what to warn of if no row fits it for another reason."""
+        before = self.outcomes()
+        if not before or any(name in before for name in study.ids):
+            return ""
+        there = self._parameters()
+        if there is not None and set(there) != set(study.columns):
+            raise CaromError(
+                f"{self.path} holds a study of other parameters: {', '.join(there)}. This one has"
+                f" {', '.join(study.columns)}; choose another folder (-o DIR, in Python out), or remove that one"
+            )
+        return (
+            f"no row in {self.path} fits this study: its scenario, options, measure or points are others. All cases are"
+            f" computed, and the table replaces that of {counted(len(before), 'row')}; choose another folder to keep both"
+        )
+
+    def _parameters(self) -> list[str] | None:
+        """Columns of what varies in the study that wrote the table here; None where that cannot be read."""
+        try:
+            found = json.loads(regular(self.about).read_text(encoding="utf-8"))["parameters"]
+            return [str(name) for name in found]
+        except (OSError, ValueError, KeyError, TypeError, CaromError):
+            return None
 
     def origins(self, names: Iterable[str]) -> Counter[origin.Origin]:
         """How many of the cases of these names were computed by whom."""

@@ -76,8 +76,11 @@ def sweep(
             f"sweep: workers = {workers}; give a number of processes, or 0 for this process alone"
         )
     folder = Folder(Path(out).absolute())
-    with folder.driving(), Team.of(workers, scheduler) as team:
-        return complete(study, folder, team, retry_failed, progress)
+    with folder.driving():
+        if told := folder.other_study(study):
+            warnings.warn(told, CaromWarning, stacklevel=2)
+        with Team.of(workers, scheduler) as team:
+            return complete(study, folder, team, retry_failed, progress)
 
 
 @dataclass(frozen=True)

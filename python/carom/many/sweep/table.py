@@ -45,11 +45,21 @@ class Sweep:
 
     def __getitem__(self, column: str) -> Array:
         if column not in self.columns:
-            raise CaromError(f"the study has no column {column!r}; {did_you_mean(column, self.columns)}")
+            raise CaromError(f"the study has no column {column!r}; {self._why(column)}")
         found = self.table[column]
         return (
             np.asarray(found.to_pylist(), dtype=object) if "string" in str(found.type) else np.asarray(found)
         )
+
+    def _why(self, column: str) -> str:
+        """Why a column is not there: it is called otherwise, or it is one of cases that are done, and all have failed."""
+        if len(self) and not self.ok.any():
+            first = self.failures[0]
+            return (
+                f"none of {counted(len(self), 'case')} is done. Case {first['case']}:"
+                f" {first['outcome']}: {first['message']}"
+            )
+        return did_you_mean(column, self.columns)
 
     def label(self, column: str) -> str:
         """A column with its unit, as figures and CSV name it: `cue.velocity.x (m/s)`."""
