@@ -31,6 +31,34 @@ def test_a_page_runs(page: Path, tmp_path: Path) -> None:
     run(program(page), tmp_path)
 
 
+@pytest.mark.parametrize("page", notebooks(), ids=lambda page: page.stem)
+def test_no_cell_shows_a_whole_scenario_file_by_its_last_line(page: Path) -> None:
+    """`scene.to_toml(...)` returns the text, and a notebook prints what stands last."""
+    for cell in blocks(page, "{code-cell} python"):
+        assert ".to_toml(" not in re.sub(r"^\w+ = ", "", cell.rstrip().splitlines()[-1])[:30], cell
+
+
+def test_the_order_of_the_tutorial_is_what_its_text_says() -> None:
+    """docs/tutorial.md, section 5: order 1.1 from 2 ms to 0.5 ms, no shrinking at the end, and a warning of the scatter."""
+    page = DOCS / "tutorial.md"
+    cell = next(c for c in blocks(page, "{code-cell} python") if "carom.Scene(" in c)
+    names: dict[str, Any] = {"carom": carom}
+    exec(cell, names)
+    called = re.search(
+        r"^!carom converge cut\.toml --steps (\S+) --reference (\S+) --at (\S+)$", page.read_text(), re.M
+    )
+    assert called
+    found = carom.converge(
+        names["scene"], [float(h) for h in called[1].split(",")], float(called[2]), at=float(called[3])
+    )
+    assert found.steps == (2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5)
+    for order in found.orders.values():
+        assert order is not None
+        assert order.pairwise[:2] == pytest.approx((1.1, 1.1), abs=0.05)
+        assert order.pairwise[-1] == pytest.approx(0, abs=0.1)
+    assert any("the fit means little" in remark for remark in found.remarks)
+
+
 def test_the_gallery_is_whole() -> None:
     """Every page of the gallery is on its list, runs code and draws a picture."""
     gallery = DOCS / "gallery"

@@ -128,7 +128,7 @@ def of_convergence(found: Convergence) -> Sheet:
     where = f"at t = {', '.join(f'{t:g}' for t in at)} s" if at else f"over 0 to {found.until:g} s"
     head = ["h (s)", *(cell for name in names for cell in (name, "order"))]
     title = titled(found.title or "convergence", found.case)
-    return Sheet(f"{title}: error by eq. 45 {where} against {found.reference}", head, rows, found.remarks)
+    return Sheet(f"{title}: relative error {where} against {found.reference}", head, rows, found.remarks)
 
 
 def _fitted(order: Order) -> str:

@@ -18,7 +18,7 @@ MARKERS = "osD^vP*X"
 
 
 def convergence(study: Convergence) -> Chart:
-    """Errors by eq. 45 of each quantity over h, both axes logarithmic, with the fitted lines and slopes 1 and 2."""
+    """Relative errors of each quantity over h, both axes logarithmic, with the fitted lines and slopes 1 and 2."""
     h = np.array(study.steps)
     numbers: dict[str, Array] = {"h (s)": h}
     with styled():
@@ -37,7 +37,7 @@ def convergence(study: Convergence) -> Chart:
             axes.loglog(h[shown], errors[shown], marker, color=colour, markersize=4.5, label=label)
         _slopes(axes, h, np.array([e for row in study.errors.values() for e in row]))
         axes.set_xlabel("step h (s)")
-        axes.set_ylabel("error, eq. 45")
+        axes.set_ylabel("relative error")
         legend(figure, axes, columns=2)
     return Chart(figure, numbers)
 
