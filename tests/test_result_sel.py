@@ -90,7 +90,17 @@ def test_the_ways_to_say_which(result: carom.Result) -> None:
         ({"body": "bal1"}, "did you mean ball1"),
         ({"body": 7}, "there are 5"),
         ({"time": 1.0}, "outside of the frames"),
-        ({"time": "1"}, "numbers in s"),
+        ({"time": "1"}, "text without a unit; remove the quotes"),
+        ({"time": "1 m"}, "expected a time"),
+        ({"time": ["20 ms", None]}, "times are numbers in s"),
+        ({"time": slice(5, 6)}, r"slice\(5, 6\) holds none of the frames; give times from 0 to 0\.05"),
+        ({"time": slice(-2, -1)}, "holds none of the frames"),
+        ({"time": slice(0.02, 0.01)}, r"slice\(0\.02, 0\.01\) holds none .* the smaller one first"),
+        ({"time": slice(float("nan"), 1)}, "holds none of the frames"),
+        ({"time": [True, False]}, "a mask has a truth for each frame"),
+        ({"body": [True, False]}, "a mask has a truth for each body, 5 here, and this one has 2"),
+        ({"body": True}, "no body is called True"),
+        ({"body": slice("ball4", "ball2")}, "'ball4' comes after 'ball2'"),
         ({"time": float("nan")}, "outside of the frames"),
         ({"body": slice(0.5, 2)}, "names or numbers"),
         ({"body": [["ball1"]]}, "no body is called"),
@@ -98,6 +108,43 @@ def test_the_ways_to_say_which(result: carom.Result) -> None:
     ):
         with pytest.raises(CaromError, match=said):
             result.sel(**wrong)  # type: ignore[arg-type]
+
+
+def test_masks_and_units(result: carom.Result) -> None:
+    late = np.asarray(result.time) > 0.02
+    assert 0 < late.sum() == len(result.sel(time=late)) == len(result.sel(time=late.tolist()))
+    assert len(result.sel(time=result.time > 0.02)) == late.sum()
+    some = np.array([True, False, False, True, False])
+    assert result.sel(body=some).names == result.sel(body=some.tolist()).names == ["ball1", "ball4"]
+    assert result.sel(body=~some).sel(body=[False, True, True]).names == ["ball3", "ball5"]
+    assert result.sel(body=result.bodies["mass"] > 1e9).names == []
+    assert np.array_equal(result.sel(time="20 ms").time, result.sel(time=0.02).time)
+    assert np.array_equal(result.sel(time=slice("10 ms", 0.02)).time, result.sel(time=slice(0.01, 0.02)).time)
+    assert result.sel(time=["20 ms", 0.01]).time.tolist() == pytest.approx([0.02, 0.01])
+
+
+def test_a_clump_by_its_name_and_one_ball_of_it() -> None:
+    """docs/reference/results.md: one ball has its share of the momentum of the clump, not mass times its own velocity."""
+    scene = carom.Scene("rods", run={"until": 0.02, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.0)
+    scene.sphere("a", radius=0.01, mass=0.01, material="m", at=(1, 0, 0))
+    rod = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]]
+    for name, x in (("one", 0.0), ("two", 0.5)):
+        scene.clump(
+            name, spheres=rod, density=2500, material="m", position=(x, 0, 0), angular_velocity=(0, 0, 5)
+        )
+    result = carom.simulate(scene)
+    two = result.clumps["two"]
+    assert result.sel(body="two").names == two.balls
+    assert result.sel(body=["a", "two"]).names == ["a", *two.balls]
+    assert result.sel(body=["two", "a"]).sel(body="two").names == two.balls
+    assert result.sel(body=[*two.balls[1:], "a"]).sel(body="two").names == two.balls[1:]
+    with pytest.raises(CaromError, match="no body is called 'one'"):
+        result.sel(body="two").sel(body="one")
+    ball = result.sel(body=two.balls[0])
+    mass = float(np.asarray(ball.bodies["mass"])[0])
+    assert ball.momentum == pytest.approx(mass * two.velocity)
+    assert np.abs(ball.momentum - mass * ball.velocity[:, 0]).max() > 0.9 * mass * 5 * 0.01
 
 
 def test_nearest_frames_are_those_of_a_search_through_all() -> None:

@@ -318,8 +318,9 @@ class RunData(Frames[Column]):
 
         `time` is a slice in s, of which both ends count (`slice(0.1, 0.5)`, every tenth frame of them
         `slice(0.1, 0.5, 10)`), or one or several times, of which the nearest frames are taken. `body` is a name or a
-        number, several of them, or a slice (`slice("ball1", "ball4")`, of names both ends count):
-        `result.sel(slice(0, 1), ["cue", "ball8"]).velocity`.
+        number, several of them, or a slice (`slice("ball1", "ball4")`, of names both ends count, of numbers the last does
+        not): `result.sel(slice(0, 1), ["cue", "ball8"]).velocity`. The name of a clump means its balls. Masks, with a truth
+        for each frame or body, choose as well, and times may have units: `"20 ms"`.
         """
         return Selection.of(self, time, body)
 

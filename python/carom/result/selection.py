@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError, counted, did_you_mean
 from carom.numeric import is_number, is_whole
-from carom.result.clumps import Clumps
+from carom.result.clumps import Clump, Clumps
 from carom.result.kinematics import Frames, Part
 from carom.result.tables import (
     Contacts,
@@ -32,6 +32,7 @@ from carom.result.tables import (
     frame_number,
 )
 from carom.result.walls import Walls
+from carom.units import UnitError, parse
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -53,11 +54,12 @@ class Selection(Frames[F64]):
     def of(cls, result: RunData, time: Any, body: Any) -> Selection:
         """What `time` and `body` choose of a result, as in `Result.sel`."""
         frames = chosen_frames(np.asarray(result.time), time)
-        return cls(result, frames, chosen_bodies(result.names, body))
+        return cls(result, frames, chosen_bodies(result.names, body, result.clumps))
 
     def sel(self, time: Any = None, body: Any = None) -> Selection:
         """A part of this part, as `Result.sel` makes it of the result."""
-        frames, bodies = chosen_frames(self.time, time), chosen_bodies(self.names, body)
+        frames = chosen_frames(self.time, time)
+        bodies = chosen_bodies(self.names, body, self.clumps, self._bodies)
         return Selection(self._result, self._frames[frames], self._bodies[bodies])
 
     @property
@@ -187,17 +189,27 @@ class Selection(Frames[F64]):
 
 
 def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
-    """Indices of the frames: of a slice of times (both ends count), of the times nearest to those given, or all (None)."""
+    """Indices of the frames: of a slice of times (both ends count), of the times nearest to those given, of a mask with a
+    truth for each frame, or all (None).
+    """
     if wanted is None:
         return np.arange(len(time))
+    if (masked := _masked(wanted, len(time), "frame")) is not None:
+        return masked
     if isinstance(wanted, slice):
         if wanted.step is not None and (isinstance(wanted.step, float) or wanted.step < 1):
             raise CaromError("sel: the step of a slice of times counts frames, as time=slice(0.1, 0.5, 10)")
         slack = 1e-9 * float(time.max(initial=0.0))
         low = -np.inf if wanted.start is None else _seconds(wanted.start) - slack
         high = np.inf if wanted.stop is None else _seconds(wanted.stop) + slack
+        if len(time) and not (low <= high and low <= time.max() and high >= time.min()):
+            told = f"slice({wanted.start}, {wanted.stop}) holds none of the frames"
+            raise CaromError(
+                f"sel: {told}; give times from {time.min():g} to {time.max():g} s, the smaller one first"
+            )
         return np.flatnonzero((time >= low) & (time <= high))[:: wanted.step]
-    given = np.atleast_1d(np.asarray([_seconds(t) for t in np.atleast_1d(wanted)], dtype=np.float64))
+    several = np.atleast_1d(np.asarray(wanted, dtype=object))  # objects: text and numbers stay what they are
+    given = np.asarray([_seconds(t) for t in several], dtype=np.float64)
     if not len(time):
         raise CaromError("sel: there are no frames yet")
     order = np.argsort(time, kind="stable")  # frames of a part may be in any order
@@ -214,10 +226,16 @@ def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
     return np.asarray(order[nearest])
 
 
-def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
-    """Indices of the balls: of one name or several, of a slice of names or numbers, of numbers, or all (None)."""
+def chosen_bodies(
+    names: Sequence[str], wanted: Any, clumps: Mapping[str, Clump], numbers: NDArray[np.intp] | None = None
+) -> NDArray[np.intp]:
+    """Indices of the balls: of one name or several, of a slice of names or numbers, of numbers, of a mask with a truth for
+    each, or all (None). The name of one of the `clumps` means its balls, which have `numbers` in the run.
+    """
     if wanted is None:
         return np.arange(len(names))
+    if (masked := _masked(wanted, len(names), "body")) is not None:
+        return masked
     if isinstance(wanted, slice):
         start, stop = wanted.start, wanted.stop
         for end in (start, stop, wanted.step):
@@ -227,10 +245,33 @@ def chosen_bodies(names: Sequence[str], wanted: Any) -> NDArray[np.intp]:
                 )
         start = _number(names, start) if isinstance(start, str) else start
         stop = _number(names, stop) + 1 if isinstance(stop, str) else stop  # of names both ends count
+        if isinstance(wanted.start, str) and isinstance(wanted.stop, str) and start >= stop:
+            raise CaromError(f"sel: {wanted.start!r} comes after {wanted.stop!r}; give the first body first")
         return np.arange(len(names))[start : stop : wanted.step]
     several = list(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, str) else [wanted]
     known = {name: i for i, name in enumerate(names)}
-    return np.array([_number(names, name, known) for name in several], dtype=np.intp)
+    found: list[int] = []
+    for name in several:
+        if isinstance(name, str) and name not in known and name in clumps:
+            balls = clumps[name].numbers
+            found += (balls if numbers is None else np.flatnonzero(np.isin(numbers, balls))).tolist()
+        else:
+            found.append(_number(names, name, known))
+    return np.array(found, dtype=np.intp)
+
+
+def _masked(wanted: Any, count: int, what: str) -> NDArray[np.intp] | None:
+    """Where a mask is true, an array or a list of truths; None for all else."""
+    if isinstance(wanted, np.ndarray):
+        if wanted.dtype != bool or wanted.ndim != 1:
+            return None
+    elif not (isinstance(wanted, list) and wanted and all(isinstance(v, (bool, np.bool_)) for v in wanted)):
+        return None
+    if len(wanted) != count:
+        raise CaromError(
+            f"sel: a mask has a truth for each {what}, {count} here, and this one has {len(wanted)}"
+        )
+    return np.flatnonzero(np.asarray(wanted))
 
 
 def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None = None) -> int:
@@ -245,6 +286,11 @@ def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None =
 
 
 def _seconds(value: Any) -> float:
+    if isinstance(value, str):
+        try:
+            return parse(value, "time")
+        except UnitError as error:
+            raise CaromError(f"sel: time: {error}") from error
     if not is_number(value):
         raise CaromError(f"sel: times are numbers in s, found {value!r}")
     return float(value)
