@@ -35,8 +35,22 @@ def called(*arguments: str | Path) -> tuple[int, str, str]:
 def test_a_clean_run_and_its_repetition_on_two_threads(run: Path) -> None:
     code, text, _ = called(run, "--threads", "1,2")
     assert code == 0, text
-    assert "no law is violated" in text
+    assert text.count("no law is violated") == 1
+    assert text.splitlines()[-1].endswith("two: no law is violated")
     assert text.count("every bit is the same") == 2
+
+
+def test_the_verdict_is_said_once_and_counts_what_was_not_judged(tmp_path: Path) -> None:
+    carom.simulate(carom.example("three_balls"), out=tmp_path / "run", contacts=False)
+    code, text, _ = called(tmp_path / "run")
+    assert code == 0
+    lines = text.splitlines()
+    listed = {line.split(",")[1].split(" (")[0] for line in lines if line.startswith("not judged, ")}
+    assert len(listed) > 1
+    assert text.count("no law is violated") == 1
+    assert lines[-1].endswith(
+        f"no law is violated; not judged, or not everywhere: {len(listed)} laws, listed above"
+    )
 
 
 def test_json_is_one_document_with_every_law(run: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import carom
@@ -248,3 +249,11 @@ def test_the_example_that_is_no_file_yet_is_hinted_at() -> None:
     code, _, err = command("paper/5.6_break")
     assert code == 2
     assert "carom examples copy paper/5.6_break" in err
+
+
+def test_a_table_without_a_title_is_headed_by_the_name_of_the_file(tmp_path: Path) -> None:
+    """It was headed "comparison: h = ..."."""
+    (tmp_path / "row.toml").write_text(re.sub(r"(?m)^title = .*$", 'title = ""', THREE.read_text("utf-8")))
+    code, out, _ = command(str(tmp_path / "row.toml"), "--laws", "all")
+    assert code == 0
+    assert out.startswith("row.toml: h = 0.0001 s to t = 0.02 s")

@@ -87,6 +87,23 @@ def test_examples_in_toml_and_python_can_be_read(page: Path) -> None:
             assert getattr(carom, name, None) is not None or (ROOT / "python/carom" / name).exists(), name
 
 
+def anchors(page: Path) -> set[str]:
+    """What a link may name of a page: its headings as GitHub and Sphinx spell them, and explicit targets."""
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.S | re.M)
+    plain = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", h) for h in re.findall(r"^#{1,3} (.*)$", text, re.M)]
+    named = {re.sub(r"[^\w\- ]", "", h.lower()).strip().replace(" ", "-") for h in plain}
+    return named | set(re.findall(r"^\((\S+)\)=", text, re.M))
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("[!_]*.md")), ids=lambda page: page.stem)
+def test_links_have_a_text_and_lead_somewhere(page: Path) -> None:
+    """GitHub shows a link without text as nothing; Sphinx alone would put the title there."""
+    text = page.read_text("utf-8")
+    assert "[](" not in text
+    for file, anchor in re.findall(r"\]\(((?:[^)\s#:]*\.md)?)#([^)\s]+)\)", text):
+        assert anchor in anchors(page.parent / file if file else page), (file, anchor)
+
+
 #: Public names that the reference leaves out: constants, and names for types alone.
 UNLISTED = {"TABLES", "TIPS", "__version__", "Region", "Sizes", "MOST_BALLS"}
 

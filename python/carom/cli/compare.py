@@ -89,7 +89,7 @@ def compare(
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict()})
     else:
-        of_comparison(found).show()
+        of_comparison(found, scenario.name).show()
         for remark in () if quiet else found.remarks:
             note(f"note: {remark}")
     stopped = [run for run in found if not run.ok]

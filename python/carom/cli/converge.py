@@ -93,7 +93,7 @@ def converge(
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict(), "files": files})
     else:
-        of_convergence(found).show()
+        of_convergence(found, scenario.name).show()
         if not quiet:
             for remark in found.remarks:
                 note(f"warning: {remark}")

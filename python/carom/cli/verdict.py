@@ -59,14 +59,14 @@ def show(report: Report, again: Sequence[Rerun]) -> None:
     worst = report.findings
     words = f"{counted(len(worst), 'law')} violated, worst {worst[0]}" if worst else "no law is violated"
     words = f"{report.path}: {words}"
-    if any(v.unjudged and v.word != "nothing to judge" for v in report.verdicts.values()):
-        print(words)  # above the list that follows, which can be long, and once more as the last line
-    for verdict in report.verdicts.values():
+    partly = [v for v in report.verdicts.values() if v.unjudged and v.word != "nothing to judge"]
+    if partly:  # the last line of a long list says that it is one
+        words += f"; not judged, or not everywhere: {counted(len(partly), 'law')}, listed above"
+    for verdict in partly:
         for unjudged in verdict.unjudged:
-            if verdict.word != "nothing to judge":
-                print(
-                    f"not judged, {verdict.kind.name} ({unjudged.count}): {unjudged.why}; to judge it: {unjudged.cure}"
-                )
+            print(
+                f"not judged, {verdict.kind.name} ({unjudged.count}): {unjudged.why}; to judge it: {unjudged.cure}"
+            )
     for r in again:
         of = f"{counted(r.datasets, 'dataset')}, {r.numbers} numbers"
         if r.first is None:

@@ -49,8 +49,8 @@ def titled(title: str, case: str | None) -> str:
     return f"{title} [{case}]" if case else title
 
 
-def of_comparison(found: Comparison) -> Sheet:
-    """A column for each method."""
+def of_comparison(found: Comparison, untitled: str = "comparison") -> Sheet:
+    """A column for each method; `untitled` heads the table where the scene has no title."""
     runs = list(found)
     rows: list[list[str]] = []
 
@@ -84,7 +84,7 @@ def of_comparison(found: Comparison) -> Sheet:
         rows.append([f"off {runs[0].name} at {time:g} s, greatest, and relative"])
         for quantity, (_, unit) in QUANTITIES.items():
             row(f"  {quantity.replace('_', ' ')} ({unit})", lambda r, q=quantity, t=time: _off(r, q, t))  # type: ignore[misc]
-    title = titled(found.title or "comparison", found.case)
+    title = titled(found.title or untitled, found.case)
     return Sheet(
         f"{title}: h = {found.step:g} s to t = {found.times[-1]:g} s",
         ["", *(run.name for run in runs)],
@@ -110,7 +110,7 @@ def _off(run: MethodRun, quantity: str, time: float) -> str:
     return "-"
 
 
-def of_convergence(found: Convergence) -> Sheet:
+def of_convergence(found: Convergence, untitled: str = "convergence") -> Sheet:
     """A row for each step: the errors and the orders between neighbours, and the fitted orders below."""
     names = list(found.errors)
     rows = []
@@ -127,7 +127,7 @@ def of_convergence(found: Convergence) -> Sheet:
     at = found.at
     where = f"at t = {', '.join(f'{t:g}' for t in at)} s" if at else f"over 0 to {found.until:g} s"
     head = ["h (s)", *(cell for name in names for cell in (name, "order"))]
-    title = titled(found.title or "convergence", found.case)
+    title = titled(found.title or untitled, found.case)
     return Sheet(f"{title}: relative error {where} against {found.reference}", head, rows, found.remarks)
 
 
