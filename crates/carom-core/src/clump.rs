@@ -79,7 +79,7 @@ pub(crate) fn turn_by_loads(
         );
         let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]) + moment;
         scratch.angular[i].velocity = clump.turning(to, momentum);
-        let [shift, turn] = [scratch.pulled[i][0], way * clump.turning(to, moment)];
+        let turn = way * clump.turning(to, moment);
         refuse_far(
             model,
             i,
@@ -87,6 +87,7 @@ pub(crate) fn turn_by_loads(
             (scratch.angular[i].displacement + turn).length(),
         )?;
         scratch.pulled[i][1] = turn;
+        let shift = scratch.pulled[i][0];
         for ball in clump.balls.clone() {
             let lever = scratch.clumps.lever[ball];
             scratch.pulled[ball] = [shift + advance(turn, DQuat::IDENTITY) * lever - lever, turn];

@@ -483,34 +483,40 @@ impl Simulation {
                 (out.message, out.source) = (Some(said.text), said.source);
             }
             Failure::NotConverged(level) => {
-                let (mut bodies, mut contacts, mut joints, mut residual) = ((0, 0), 0, 0, f64::NAN);
-                if level == Level::Smooth {
-                    bodies = self.scratch.smooth.worst(&self.model);
-                    let history = &self.scratch.history[0].values;
-                    residual = history.last().copied().unwrap_or(residual);
-                }
-                if let Some(f) = &self.failed {
-                    bodies = f.bodies.get(f.worst as usize).copied().unwrap_or((0, 0));
-                    joints = f.joints;
-                    contacts = f.bodies.len() as u32 - f.joints;
-                    residual = f.residual;
-                }
-                out.bodies = pair(bodies);
-                let mut cures = cures(&self.model.options, contacts, residual);
-                if self.model.deformation.is_some() {
-                    cures += "; rigid grains on which a periodic box closes have no solution: end the run before";
-                } else if self.model.walls.iter().any(|wall| wall.motion.is_some()) {
-                    cures += "; where a driven wall jams bodies no motion is a solution: on_nonconvergence = \"warn\" goes on";
-                }
-                out.unsolved = Some(Unsolved {
-                    contacts,
-                    joints,
-                    residual,
-                    cures,
-                });
+                let (bodies, unsolved) = self.unsolved(level);
+                (out.bodies, out.unsolved) = (pair(bodies), Some(unsolved));
             }
         }
         out
+    }
+
+    /// The worst pair of what was not solved, and what is told of it.
+    fn unsolved(&self, level: Level) -> ((u32, u32), Unsolved) {
+        let (mut bodies, mut contacts, mut joints, mut residual) = ((0, 0), 0, 0, f64::NAN);
+        if level == Level::Smooth {
+            bodies = self.scratch.smooth.worst(&self.model);
+            let history = &self.scratch.history[0].values;
+            residual = history.last().copied().unwrap_or(residual);
+        }
+        if let Some(f) = &self.failed {
+            bodies = f.bodies.get(f.worst as usize).copied().unwrap_or((0, 0));
+            joints = f.joints;
+            contacts = f.bodies.len() as u32 - f.joints;
+            residual = f.residual;
+        }
+        let mut cures = cures(&self.model.options, contacts, residual);
+        if self.model.deformation.is_some() {
+            cures += "; rigid grains on which a periodic box closes have no solution: end the run before";
+        } else if self.model.walls.iter().any(|wall| wall.motion.is_some()) {
+            cures += "; where a driven wall jams bodies no motion is a solution: on_nonconvergence = \"warn\" goes on";
+        }
+        let unsolved = Unsolved {
+            contacts,
+            joints,
+            residual,
+            cures,
+        };
+        (bodies, unsolved)
     }
 
     /// `travel` (m) in the smallest part of a step against a radius of `length` (m).
