@@ -3,22 +3,17 @@
 use crate::model::ContactLaw;
 use crate::options::Options;
 
-/// What a contact has in the expansion: the least normal impulse, and the factor of the tangential impulse of compression that is the
-/// measure of slip there. `compressed`: that normal impulse, N s; `inverse` masses of normal and tangential rows, 1/kg.
-pub fn expansion(
-    material: &ContactLaw,
-    compressed: f64,
-    inverse: [f64; 2],
-    o: &Options,
-) -> [f64; 2] {
-    let speed = compressed * inverse[0];
+/// What a contact has in the expansion: the least normal impulse, and the factor of what friction of the compression gave its slip, which is the
+/// measure of slip there. `compressed`: that normal impulse, N s; `inverse` mass along the normal, 1/kg.
+pub fn expansion(material: &ContactLaw, compressed: f64, inverse: f64, o: &Options) -> [f64; 2] {
+    let speed = compressed * inverse;
     let acts = speed > 0.0 && speed >= o.restitution_threshold;
     let least = if acts {
         material.restitution(speed) * compressed
     } else {
         0.0
     };
-    [least, -material.tangential_restitution * inverse[1]]
+    [least, -material.tangential_restitution]
 }
 
 /// Which velocities `V_minus` restitution acts on.
