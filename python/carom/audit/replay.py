@@ -568,7 +568,8 @@ class Replay:
         value = np.maximum(gained, 0.0)
         # Restitution is taken back as far as there is no gain, and no further.
         taken = (np.minimum.reduceat(r.scale, first) > 0.0) & (np.maximum.reduceat(r.scale, first) < 1.0)
-        taken &= run.impact_law.restitution == "newton"
+        # (A collective impact may have less; how much less, a solution without restitution would tell.)
+        taken &= run.impact_law.restitution == "newton" and not run.ends(r.problem[:1])[0]
         value[k[taken]] = np.maximum(value, np.abs(since))[k[taken]]
         self._tell("passivity", rows.start + largest, value[k], bound[k])
 

@@ -35,6 +35,16 @@ pub enum Law {
     Printed,
 }
 
+/// Share of what a contact loses without restitution that an impact by Newton's law may give back (1): e_N^2. All of it where e_N is a law, or where
+/// slip comes back too.
+pub fn returned(material: &ContactLaw, o: &Options) -> f64 {
+    let slips_back = material.tangential_restitution != 0.0 && o.impact.restores_slip();
+    match material.restitution_law.is_some() || slips_back {
+        true => 1.0,
+        false => material.restitution.powi(2),
+    }
+}
+
 impl Law {
     /// Whether restitution acts, and the energy safeguard looks at it. (As printed there is none.)
     pub fn has_restitution(self) -> bool {
