@@ -215,7 +215,9 @@ def test_a_sequence_that_is_cut_ends_in_a_collective_impact(pile_contacts: int, 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 @pytest.mark.parametrize("pile_contacts", [1, 10_000], ids=["spheres", "rows"])
 @pytest.mark.parametrize("mass", [1e-3, 1e-6])
-def test_a_light_ball_between_heavy_ones_throws_none_back_faster_than_e(mass: float, pile_contacts: int) -> None:
+def test_a_light_ball_between_heavy_ones_throws_none_back_faster_than_e(
+    mass: float, pile_contacts: int
+) -> None:
     scene = carom.Scene(gravity=(0, 0, 0))
     scene.contact("ball", "ball", friction=0.0, restitution=0.5)
     scene.contact("ball", "floor", friction=0.0, restitution=0.5)

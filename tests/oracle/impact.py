@@ -118,7 +118,13 @@ def _returned(island: Island, element: int) -> float:
 
 
 def _limit(
-    island: Island, members: list[int], fixed: F64, before: F64, plastic: _Solved, full: _Solved, collective: bool
+    island: Island,
+    members: list[int],
+    fixed: F64,
+    before: F64,
+    plastic: _Solved,
+    full: _Solved,
+    collective: bool,
 ) -> tuple[_Solved, F64]:
     """Rule R4: `plastic` + s (`full` - `plastic`) with the largest s per group that gains nothing; s per contact (m,).
 
