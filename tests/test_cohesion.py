@@ -261,7 +261,7 @@ def test_a_ball_that_sticks_to_a_ridge_moves_the_same_where_both_move_on(method:
     def run(drift: np.ndarray) -> np.ndarray:
         scene = carom.Scene(gravity=(0, 0, 0))
         scene.contact("ball", "wall", friction=0, restitution=0, cohesion=0.2, rupture_distance=2e-3)
-        start, velocity = (0.004, 0.002, 0.0105), drift + [0.3, 0.1, 0.05]
+        start, velocity = (0.004, 0.002, 0.0105), drift + np.array([0.3, 0.1, 0.05])
         scene.sphere("b", radius=0.01, mass=0.01, material="ball", position=start, velocity=velocity)
         ways = [{"expression": f"{float(speed)!r}*t"} for speed in drift]
         vertices = 0.01 * np.array(corners)

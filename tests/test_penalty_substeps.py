@@ -1,9 +1,8 @@
 """Substeps of method `penalty` hang on the motion, and not on the unit of length."""
 
+import carom
 import numpy as np
 import pytest
-
-import carom
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.02])
@@ -13,7 +12,9 @@ def test_a_spring_beside_the_centres_takes_as_many_substeps_in_any_unit_of_lengt
         scene.contact("ball", "ball", friction=0.3, restitution=0.5)
         a, b = np.zeros(3), unit * np.array([0.03, 0.02, 0.01])
         v, w = unit * np.array([0.3, 0.1, -0.2]), (3.0, -5.0, 8.0)
-        scene.sphere("a", material="ball", radius=0.01 * unit, mass=0.01, position=a, velocity=v, angular_velocity=w)
+        scene.sphere(
+            "a", material="ball", radius=0.01 * unit, mass=0.01, position=a, velocity=v, angular_velocity=w
+        )
         scene.sphere("b", material="ball", radius=0.008 * unit, mass=0.02, position=b)
         ends = (unit * np.array([0.009, 0, 0]), b - unit * np.array([0, 0.007, 0]))
         scene.spring("a", "b", points=ends, stiffness=2000.0, damping=damping, rest_length=0.02 * unit)
