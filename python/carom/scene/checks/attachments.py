@@ -11,6 +11,7 @@ import numpy as np
 from carom.errors import did_you_mean, quoted
 from carom.scene.assembly.mechanics import GROUND_INDEX, MECHANICS, numbers, references, spring_ends
 from carom.scene.messages import Finding
+from carom.scene.tables.clumps import Clump
 from carom.scene.tables.joints import Joint, default_name
 from carom.scene.tables.laws import LawValue, fault_at, value_at
 from carom.scene.tables.loads import ALL, GROUND, Drag, Load, LoadFunction, Spring
@@ -38,6 +39,7 @@ def check_names(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
     known = set(bodies.names)
     walls = {wall.name: wall for wall in parts.walls()}
+    clumps = {clump.name: clump.ball_names() for _, clump in parts.tables(Clump)}
     wrong = 0
     for name, section, index, key, ground_admitted in references(parts.entries):
         cause = cure = ""
@@ -49,11 +51,14 @@ def check_names(parts: Parts) -> Iterator[Finding]:
                 )
         elif name not in known:
             if name in walls:
-                what = "joints act" if section == "joint" else f"a {section} acts"
-                cause = f"{quoted(name)} is a {walls[name].section.replace('_', ' ')}, and {what} on spheres"
+                what = walls[name].section.replace("_", " ")
+                cause = f"{quoted(name)} is a {what}, and {_acts(section)} on spheres"
                 wall = walls[name]
                 stands = ground_admitted and wall.motion is None and wall.free is None
                 cure = 'planes never move: write "ground"' if stands else _known(name, bodies)
+            elif name in clumps:
+                cause = f"{quoted(name)} is a clump, and {_acts(section)} on spheres"
+                cure = f"its balls are {clumps[name][0]} to {clumps[name][-1]}"
             elif name == GROUND:
                 cause = f"{quoted(name)} is no sphere"
                 cure = (
@@ -70,6 +75,10 @@ def check_names(parts: Parts) -> Iterator[Finding]:
     if ALL in known and of_all:
         cause = 'a sphere is called "all", which here means every sphere'
         yield Finding(("drag", of_all[0], "on"), cause, "rename the sphere")
+
+
+def _acts(section: str) -> str:
+    return "joints act" if section == "joint" else f"a {section} acts"
 
 
 def _known(name: str, bodies: Bodies, ground: bool = False) -> str:
