@@ -102,7 +102,9 @@ def _histories(run: Run, tally: Tally) -> None:
     beyond += np.where(
         last, 0, np.maximum(0, problem - np.where(level == 2, s["impact_problems"][step - 1], 0))
     )
-    beyond += np.maximum(0, contacts - s["candidates"][step - 1].astype(np.int64))
+    # The projection of Moreau-Jean looks for pairs of its own, at the end of the step.
+    projected = (level == 1) & (run.method == "moreau")
+    beyond += np.where(projected, 0, np.maximum(0, contacts - s["candidates"][step - 1].astype(np.int64)))
     beyond += np.diff(step * len(LEVELS) + level, prepend=0) <= 0
     whole = ~run.cut[step - 1] & (s["fallbacks"][step - 1] == 0)
     tally.measure("counts", beyond, 0.0, lambda i: run.step_place(int(step[i])), whole)
