@@ -380,7 +380,8 @@ def _joints(block: Block, out: Loads) -> None:
         for k, inert in enumerate(np.sqrt((run.mass[bodies], run.inertia[bodies]))):
             out.shift_held[:, bodies, k] += moved[:, None] / inert
             out.spread[:, bodies, k] += kicked[:, None] * inert  # what cancels within the interval
-    given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])
+    # Those of the last frame of a run that stopped are not known, nor is that interval judged by them (`kept`).
+    given = np.nan_to_num(run.result.joint_impulse[block.first : block.first + block.count])
     struck = {
         body: strokes(block)[0][:, bodies].sum(axis=1) for bodies, _ in groups(run.joints) for body in bodies
     }
@@ -428,7 +429,7 @@ def _turned(block: Block, j: int, body: int, arm: float) -> F64:
     """
     run, result = block.run, block.run.result
     first, last = max(block.first - MEMORY, 1), block.first + block.count
-    given = np.asarray(result.joint_impulse[first:last])[:, j]
+    given = np.nan_to_num(result.joint_impulse[first:last])[:, j]
     size, couple = norm(given[:, :3]), norm(given[:, 3:])
     spin = norm(np.asarray(result.angular_velocity[first - 1 : last])[:, body])
     rate = np.maximum(spin[1:], spin[:-1]) + (arm * size + couple) / run.inertia[body]

@@ -165,7 +165,8 @@ class Simulation(State):
     def result(self) -> Result:
         """All that was recorded so far, as `carom.simulate` up to this time returns it. Later steps do not change it.
 
-        Off the grid of frames the last frame has the state alone, without contacts and impulses.
+        Off the grid of frames the last frame has the state alone, without contacts; impulses on walls and at joints are
+        not a number there.
         """
         run = copy.copy(self._run)
         run.plan = replace(run.plan, steps=max(1, self.steps))
