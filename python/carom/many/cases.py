@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean, quoted
+from carom.errors import CaromError, among, did_you_mean, quoted
 from carom.result.kinematics import QUANTITIES
 from carom.scene.assembly.arrays import LAW_KEYS, VARYING, resolved_tree
 from carom.scene.scene import Scene
@@ -110,7 +110,7 @@ class Overrides:
 
     def _body(self, key: str, owner: str) -> int:
         if owner not in self._names:
-            cure = did_you_mean(owner, list(self._names)[:20])
+            cure = among(owner, list(self._names))
             raise CaromError(f"simulate_batch: {quoted(key)}: no ball is called {quoted(owner)}; {cure}")
         if owner in self._parts:
             raise CaromError(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.errors import CaromError, ScenarioError, did_you_mean
+from carom.errors import CaromError, ScenarioError, among, did_you_mean
 from carom.many.batch_result import KINEMATICS
 from carom.many.fit.data import Target, moving
 from carom.many.sweep.study import RESERVED
@@ -81,9 +81,7 @@ def quantities(calibration: Calibration, free: bool) -> None:
     for target in calibration.targets:
         place = moving(target.quantity)
         if target.time is not None and place is not None and place[0] not in names:
-            raise CaromError(
-                f"{target.place}: no ball is called {place[0]!r}; {did_you_mean(place[0], names[:20])}"
-            )
+            raise CaromError(f"{target.place}: no ball is called {place[0]!r}; {among(place[0], names)}")
         if not free and target.quantity not in (*ends, *numbers) and not (target.time is not None and place):
             cure = did_you_mean(target.quantity, [*numbers, *ends[:20]])
             raise CaromError(

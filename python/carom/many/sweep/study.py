@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from carom.arrays import F64
-from carom.errors import CaromError, ScenarioError, did_you_mean
+from carom.errors import CaromError, ScenarioError, among, did_you_mean
 from carom.many.batch_result import KINEMATICS
 from carom.many.sweep.design import Axis, Design, number
 from carom.many.sweep.origin import COLUMNS as ORIGIN
@@ -147,9 +147,7 @@ class Study:
             names = self.targeting.base.names
             for name in self.bodies:
                 if name not in names:
-                    raise CaromError(
-                        f"keep.bodies: no ball is called {name!r}; {did_you_mean(name, names[:20])}"
-                    )
+                    raise CaromError(f"keep.bodies: no ball is called {name!r}; {among(name, names)}")
 
     @cached_property
     def points(self) -> dict[str, F64]:
