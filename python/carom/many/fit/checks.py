@@ -82,6 +82,10 @@ def quantities(calibration: Calibration, free: bool) -> None:
         place = moving(target.quantity)
         if target.time is not None and place is not None and place[0] not in names:
             raise CaromError(f"{target.place}: no ball is called {place[0]!r}; {among(place[0], names)}")
+        if not free and target.time is not None and target.quantity in numbers:
+            raise CaromError(
+                f"{target.place}: {target.quantity} is a number of the whole run, no curve; leave time out"
+            )
         if not free and target.quantity not in (*ends, *numbers) and not (target.time is not None and place):
             cure = did_you_mean(target.quantity, [*numbers, *ends[:20]])
             raise CaromError(
