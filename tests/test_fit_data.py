@@ -156,6 +156,26 @@ def test_an_impossible_bound_is_named_with_its_parameter(parameters: dict[str, A
         Calibration.of(COLLISION, parameters, targets)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "set_", "words"),
+    [
+        ({"q": (0.5, 2.0)}, {"ball/ball.restitution": "= q"}, "high = 2 is impossible: ball/ball.restitution must be at"),
+        ({"q": (-0.3, 0.3)}, {"ball/ball.friction": "= q"}, "low = -0.3 is impossible: ball/ball.friction must be zero"),
+        ({"a.mass": (-1.0, 1.0)}, {}, "low = -1 is impossible: a.mass must be positive, found -1"),
+        ({"q": (0.0, 1.0)}, {"a.radius": "= q*0.03"}, "low = 0 is impossible: a.radius must be positive"),
+    ],
+)  # fmt: skip
+def test_bounds_of_numbers_of_balls_and_laws_are_looked_at_before_any_run(
+    parameters: dict[str, Any], set_: dict[str, str], words: str
+) -> None:
+    targets = [{"quantity": "b.velocity.x", "value": 0.5, "uncertainty": 0.01}] * 2
+    with pytest.raises(CaromError, match=words):
+        Calibration.of(COLLISION, parameters, targets, set=set_)
+    Calibration.of(
+        COLLISION, {"q": (0.5, 1.5), "p": (0.1, 0.9)}, targets, set={"ball/ball.restitution": "= p*q"}
+    )
+
+
 def test_a_bound_that_another_parameter_mends_is_allowed() -> None:
     """p*q is a restitution within 1 for other values of q."""
     targets = [{"quantity": "b.velocity.x", "value": 0.5, "uncertainty": 0.01}] * 2

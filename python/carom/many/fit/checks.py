@@ -59,7 +59,7 @@ def _first_of(targeting: Targets, cases: range) -> Scene | ScenarioError | None:
     errors = []
     for case in cases:
         try:
-            return targeting.of_text(case)
+            return targeting.possible(case)
         except ScenarioError as error:
             errors.append(error)
         except CaromError:  # points where it has none count as bad

@@ -19,7 +19,7 @@ import numpy as np
 from carom._core import Expression, ExpressionError
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
-from carom.many.cases import Overrides
+from carom.many.cases import Overrides, refuse_numbers
 from carom.scene.scene import Scene
 from carom.scene.tables import parameters
 from carom.scene.tables.model import SINGLE
@@ -134,6 +134,14 @@ class Targets:
         scene = self.of_text(case)
         if self.of_arrays:
             scene = Overrides(scene, self.values(self.of_arrays, range(case, case + 1))).scene(0)
+        return scene
+
+    def possible(self, case: int) -> Scene:
+        """The scene of a case as `of_text` makes it; refuses what `of_arrays` sets to where no scenario may be."""
+        scene, one = self.of_text(case), range(case, case + 1)
+        refuse_numbers(
+            scene, {key: float(values[0]) for key, values in self.values(self.of_arrays, one).items()}
+        )
         return scene
 
     def of_text(self, case: int) -> Scene:
