@@ -311,17 +311,21 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
         mine = np.flatnonzero(b == w)
         centre[mine], back[mine] = _levers(block, w, k[mine], a[mine])
     r, impulse, normal = run.radius[a][:, None], c.impulse[rows], c.normal[rows]
-    first = normal if run.method == "moreau" else loads_once.firsts(block)[rows]
+    first, loads = normal, impulse if run.method == "moreau" else np.zeros_like(impulse)
+    if run.loads_once:
+        first, loads = loads_once.firsts(block)[rows], loads_once.of_loads(block).remained[rows]
     lever, half_way = centre - r * normal, centre - back - r * unit(first + normal)
-    loads = impulse if run.method == "moreau" else loads_once.of_loads(block).remained[rows]
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
     add_at(summed, (k, b), -cross(half_way, loads) - cross(lever, impulse - loads) - c.moment[rows])
     extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
-    add_at(size, (k, b), extent * norm(impulse) + norm(c.moment[rows]))
+    given_in_all = norm(loads) + norm(impulse - loads)
+    add_at(size, (k, b), extent * given_in_all + norm(c.moment[rows]))
+    # Which part of it the loads are is on record with impacts alone, and to what solvers leave.
     slack = np.zeros(given.shape[:2])
-    if run.method == "nsga" and not run.has_impacts:
-        hit = block.over(run.steps["impact_problems"])[k] > 0
-        add_at(slack, (k, b), np.where(hit, norm(half_way - lever) * norm(impulse), 0.0))
+    hit = block.over(run.steps["impact_problems"])[k] > 0
+    known = block.tolerance[k] if run.has_impacts else 1.0
+    unknown = np.where(hit & run.loads_once, known, 0.0)
+    add_at(slack, (k, b), unknown * norm(half_way - lever) * norm(impulse))
     if run.cohesive:
         _pulled_moments(block, summed, size)
     value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size + slack
