@@ -48,14 +48,15 @@ pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
 pub(crate) fn turn_by_moments(on: &mut Step) -> Result<(), Failure> {
     let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     for (number, i, clump) in present(model, state) {
-        let (free, momentum) = scratch.clumps.free[number];
+        let (free, before) = scratch.clumps.free[number];
         let (by, mean) = (scratch.clumps.by_moments[number], clump.mean_inertia());
         let to = advance(clump.turning(free, mean * by.displacement), free);
-        let momentum = momentum + mean * by.velocity;
+        let momentum = before + mean * by.velocity;
         let (from, end) = (state.angular_velocity[i], clump.turning(to, momentum));
         let fastest = from.length().max(end.length());
         refuse_far(model, i, clump, fastest * on.span.h)?;
         scratch.clumps.momentum[number] = momentum;
+        scratch.clumps.spin_before[number] = clump.turning(to, before);
         scratch.angular[i] = Prediction {
             velocity: end,
             displacement: increment(to * state.orientation[i].inverse()),
@@ -100,8 +101,9 @@ pub(crate) fn turn_by_loads(
             scratch.clumps.moment[number],
             scratch.clumps.orientation[number],
         );
-        let momentum = scratch.clumps.momentum[number] + moment;
+        let [before, momentum] = scratch.clumps.momenta(number);
         scratch.angular[i].velocity = clump.turning(to, momentum);
+        scratch.clumps.spin_before[number] = clump.turning(to, before);
         let turn = way * clump.turning(to, moment);
         refuse_far(
             model,
@@ -189,7 +191,7 @@ pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratc
         false => taken_back(model, scratch),
     };
     for (number, i, clump) in present(model, state) {
-        let momentum = scratch.clumps.momentum[number] + scratch.clumps.moment[number];
+        let [before, momentum] = scratch.clumps.momenta(number);
         let (all_loads, end) = (
             scratch.clumps.by_loads[number],
             scratch.clumps.orientation[number],
@@ -198,6 +200,7 @@ pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratc
         let by_loads = advance(-back, all_loads);
         let corrected = end * by_loads.inverse();
         scratch.angular[i].velocity = corrected * clump.turning(by_loads, momentum);
+        scratch.clumps.spin_before[number] = corrected * clump.turning(by_loads, before);
         give(clump, i, scratch);
     }
 }

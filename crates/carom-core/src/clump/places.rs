@@ -25,6 +25,8 @@ pub struct Clumps {
     pub(super) by_moments: Vec<Prediction>,
     /// Angular momentum where the smooth step ends, kg m^2/s.
     pub(super) momentum: Vec<DVec3>,
+    /// Angular velocity that impacts find, with the body where it is then and without the moments of the smooth step, rad/s.
+    pub(super) spin_before: Vec<DVec3>,
     /// At which the loads were solved, and where these have turned them.
     pub(super) at_loads: Vec<DQuat>,
     pub(super) by_loads: Vec<DQuat>,
@@ -47,6 +49,7 @@ impl Clumps {
             free: vec![(DQuat::IDENTITY, DVec3::ZERO); count],
             by_moments: vec![Prediction::default(); count],
             momentum: vec![DVec3::ZERO; count],
+            spin_before: vec![DVec3::ZERO; count],
             at_loads: vec![DQuat::IDENTITY; count],
             by_loads: vec![DQuat::IDENTITY; count],
             moment: vec![DVec3::ZERO; count],
@@ -130,6 +133,19 @@ impl Clumps {
             .mover(body)
             .map_or(0.0, |i| model.inv_mass[i as usize]);
         moving + turning
+    }
+
+    /// Angular momenta of a clump with what cohesion gave it, kg m^2/s: at t_n, and with the moments of the smooth step.
+    pub(super) fn momenta(&self, number: usize) -> [DVec3; 2] {
+        [self.free[number].1, self.momentum[number]].map(|of| of + self.moment[number])
+    }
+
+    /// Angular velocity of a body that impacts find, rad/s.
+    pub(crate) fn spin_before(&self, model: &Model, state: &State, body: u32) -> DVec3 {
+        match model.as_clump(body) {
+            Some(number) => self.spin_before[number],
+            None => state.angular_velocity[body as usize],
+        }
     }
 
     /// How far (rad) the clump of a ball has turned since the loads were solved; 0 of what belongs to none.

@@ -113,12 +113,7 @@ impl ImpactScratch {
             let motion = [linear[i].velocity, angular[i].velocity];
             self.v_check
                 .extend(flat(clumps.to_node(model, body, motion)));
-            // Of a clump as it has turned since: its spin changes without forces.
-            let w = match model.as_clump(body) {
-                Some(_) => angular[i].velocity,
-                None => state.angular_velocity[i],
-            };
-            let motion = [state.velocity[i], w];
+            let motion = [state.velocity[i], clumps.spin_before(model, state, body)];
             self.v_old.extend(flat(clumps.to_node(model, body, motion)));
             self.speeds.add(model, state, linear[i].velocity, i);
         }
