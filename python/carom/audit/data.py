@@ -421,9 +421,7 @@ class Run:
     @cached_property
     def held_apart(self) -> HeldApart:
         """Pairs of balls that joints, or a clump of both, keep from meeting."""
-        found = held_apart(self.joints, self.radius[: self.balls])
-        found.clump[self.clumps.balls] = self.clumps.first[self.clumps.of]
-        return found
+        return held_apart(self.joints, self.radius[: self.balls], self.clump_of[: self.balls])
 
     @cached_property
     def jointed(self) -> Bool:
