@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.audit import carried, flights, forces, gaps, groups, hits, rigid, turning
+from carom.audit import carried, clump_loads, flights, forces, gaps, groups, hits, recorded, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.loads import of_loads, solved_again
-from carom.audit.motion import CONTACTS, RECORD, largest, rounding
+from carom.audit.motion import CONTACTS, RECORD, largest, rounding, untouched
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, conjugate, norm, product, rotation_vector
 
@@ -32,11 +32,11 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
     if not run.clumps:
         return
     _as_one(block, tally)
+    if not run.has_contacts:
+        free = untouched(block, free)
     apart, there = (np.asarray(run.clumps.over(np.logical_and, of)) for of in (free, block.there))
-    pulled = of_loads(block).unknown[
-        :, run.clumps.first
-    ]  # what is not judged of them is counted with the balls
-    there &= ~pulled
+    pulled = of_loads(block).unknown[:, run.clumps.first] | clump_loads.of_block(block).unknown
+    there &= ~pulled  # what is not judged of them is counted with the balls
     known = np.asarray(there & (apart | (block.kept & run.has_contacts)[:, None]))
     unseen = int((there & ~known).sum())
     for kind in KINDS:
@@ -54,7 +54,7 @@ def _as_one(block: Block, tally: Tally) -> None:
     x, q, v, w = rigid.placed(run, block.x1, block.q1, block.c1)
     reach = run.clumps.reach[run.clump_of[run.in_clump]]
     fast = forces.absolute(block)[:, run.in_clump]
-    spin = forces.pushes(block)[1] / run.inertia + np.maximum(norm(block.w0), norm(block.w1))
+    spin = recorded.pushes(block)[1] / run.inertia + np.maximum(norm(block.w0), norm(block.w1))
     spin = spin[:, run.in_clump]
     mine = np.flatnonzero(run.in_clump)
     for value, size, scale in (
@@ -110,7 +110,7 @@ class _Laws:
         self.spin = np.maximum(norm(self.old[..., 10:]), norm(self.new[..., 10:]))
         self.dt, self.single = block.dt[:, None], block.single[:, None]
         #: Impulses of its contacts, and of the largest of all contacts, N s.
-        self.struck = forces.strokes(block)[0][:, self.clumps.first]
+        self.struck = recorded.strokes(block)[0][:, self.clumps.first]
         self.largest = largest(block)[:, :1]
 
     def judge(self, tally: Tally, known: Bool) -> None:
@@ -202,7 +202,7 @@ class _Laws:
         left = (block.left(norm(block.rows.position_impulse)) + block.floor)[:, None] / clumps.mass
         reach = np.where(self.single, 0.0, 2.0 * (self.struck * self.dt / clumps.mass + moved))
         bound = self.rounding * size + carried.of_block(block).slack_way[:, first]
-        bound = bound + self.dt * self.flights.push_off / clumps.mass
+        bound = bound + self.flights.way_off
         return value, bound + np.where(self.touched, left + reach, 0.0)
 
     def _rotation(self) -> tuple[F64, F64]:

@@ -20,13 +20,12 @@ from functools import partial
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, carried, forces, rigid
+from carom.audit import answers, carried, forces, recorded, rigid
 from carom.audit.block import Block
 from carom.audit.cohesion import pulls
 from carom.audit.cones import PARTS
-from carom.audit.corrections import groups
 from carom.audit.forces import Sums
-from carom.audit.loads import Loads, memory, of_loads, solved_again
+from carom.audit.loads import Loads, of_loads, solved_again
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import (
     EPS,
@@ -38,6 +37,7 @@ from carom.audit.vectors import (
     product,
     rotation_vector,
 )
+from carom.audit.wrenches import groups, memory
 
 CONTACTS = "impulses of contacts were not recorded; bodies in free flight were judged"
 RECORD = "contacts = true in [record]"
@@ -59,7 +59,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
             )
         known &= block.kept[:, None] | free
     else:
-        free = _untouched(block, free)
+        free = untouched(block, free)
         of_walls = _momentum_of_walls(block, tally, loads, known)
         for kind in ("momentum", "spin", "position", "rotation"):
             unseen = known & ~free
@@ -94,7 +94,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         )
 
 
-def _untouched(block: Block, free: Bool) -> Bool:
+def untouched(block: Block, free: Bool) -> Bool:
     """(B, N) the `free` bodies, of those that joints hold together only if all are, and were until the filter of the scheme
     has forgotten it: joints hand on what contacts give.
     """
@@ -104,7 +104,7 @@ def _untouched(block: Block, free: Bool) -> Bool:
     before = touched[touched <= block.s0[0]].max(initial=-np.inf)
     kept = memory(run)
     long = np.log(EPS**2) / np.log(kept) if kept > 0.0 else 0.0
-    for bodies, _ in groups(run.joints):
+    for bodies, _ in groups(run):
         last = np.where(free[:, bodies].all(axis=1), -np.inf, block.s1)
         since = block.s0 - np.maximum(np.maximum.accumulate(last), before)
         found[:, bodies] = (since >= long)[:, None]
@@ -213,7 +213,7 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
         tally.measure("position", given, 0.0, block.contact)
     left = block.left(norm(block.rows.position_impulse)) + block.floor
     left = left[:, None] / run.mass
-    reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
+    reach = 2.0 * (recorded.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
     turned = np.where(block.piled[:, None], forces.bent(block) / run.mass, 0.0)
     bound = bound + np.where(touched, left + turned + np.where(single[:, None], 0.0, reach), 0.0)
     return block.x1 - block.x0 - way, bound
@@ -243,7 +243,7 @@ def _rotation(block: Block, s: Sums, loads: Loads, touched: Bool) -> tuple[list[
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
     left = (block.left(size)[:, None] + block.floor[:, None] * run.radius) / inertia[:, 0]
     left = left + np.where(block.piled[:, None], forces.bent(block) * run.radius / inertia[:, 0], 0.0)
-    struck = forces.strokes(block)[1] * block.dt[:, None]
+    struck = recorded.strokes(block)[1] * block.dt[:, None]
     reach = 2.0 * (struck + s.shift_size * run.radius) / inertia[:, 0]
     bound = bound + np.where(touched, left + np.where(single[:, None], 0.0, reach), 0.0)
     return found, bound

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import flights, forces, rigid
+from carom.audit import clump_loads, flights, forces, recorded, rigid
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.vectors import EPS, cross, dot, norm
@@ -64,15 +64,19 @@ def of_block(block: Block) -> tuple[F64, F64]:
     )
     exact = 0.5 * dot(before, clumps.turning(block.c1[..., 3:7], before))
     exact = exact - 0.5 * dot(ends[0], clumps.turning(block.c0[..., 3:7], ends[0]))
+    # Work of loads and joints is no turn by itself.
+    loads, flight = clump_loads.of_block(block), flights.of_block(block)
+    exact = exact - 0.5 * dot(loads.impulse[..., 3:], block.c0[..., 10:] + flight.rows[..., 10:])
     pushed, turned = (
-        clumps.over(np.maximum, of) for of in (forces.pushes(block)[0], forces.shifts(block)[1])
+        clumps.over(np.maximum, of) for of in (recorded.pushes(block)[0], recorded.shifts(block)[1])
     )
     largest = np.maximum(*map(norm, ends)) + clumps.reach * pushed
-    angle = np.minimum(turned + flights.of_block(block).off, np.pi)
+    angle = np.minimum(turned + flight.off, np.pi)
     most = 0.5 * largest**2 * (1.0 / clumps.least - 1.0 / clumps.most) * angle
     known = block.single[:, None] & block.there[:, clumps.first]
     found[:, clumps.first] = np.where(known, exact, 0.0)
-    off[:, clumps.first] = np.where(known & run.has_impacts, 0.0, most)
+    fast = np.maximum(norm(block.c0[..., 10:]), norm(block.c1[..., 10:]))
+    off[:, clumps.first] = np.where(known & run.has_impacts, loads.slack[..., 1] * fast, most)
     return found, off
 
 
