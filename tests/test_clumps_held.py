@@ -107,7 +107,7 @@ def test_a_clump_that_swings_about_one_of_its_balls_is_a_good_start() -> None:
     clump.velocity = np.cross([3, 5, 7], arm)
     scene.joint("fix", body="tee1-1")
     assert told(scene) == []
-    clump.velocity = np.cross([3, 5, 7], arm) + [0.1, 0, 0]
+    clump.velocity = np.cross([3, 5, 7], arm) + np.array([0.1, 0, 0])
     assert "the joint asks for 0" in error(scene)
 
 

@@ -230,7 +230,7 @@ def _repeated(block: Block, group: Group) -> I64:
 
 
 def _met(block: Block) -> Bool:
-    """(B, N) bodies with a contact or impact on record."""
+    """(B, N) bodies with a contact or impact on record, all balls of a clump with one."""
     run = block.run
     found = np.zeros((block.count, run.bodies), dtype=bool)
     for table in ([block.rows] if run.has_contacts else []) + (
@@ -239,6 +239,7 @@ def _met(block: Block) -> Bool:
         found[table.k, table.a] = True
         ball = table.b < run.bodies
         found[table.k[ball], table.b[ball]] = True
+    run.clumps.share(np.logical_or, found)
     return found
 
 

@@ -2,7 +2,7 @@
 
 The scheme filters forces and moments alike (eqs. 5 and 6): those of a step lie between their values at its ends, with the
 lag of the filter between those of a step before. So twice their change bounds the error, as of loads that depend on the
-motion of balls (`loads`). Moments do even of a constant force, as its lever turns; of forces of the time what moves the centre
+motion of balls (`loads`). Moments do even of a constant force, as its lever turns; of forces of the time what moves a centre
 is exact. Impulses of joints are on record; their levers are those of the second frame, and off by their turn in it.
 """
 
@@ -32,6 +32,8 @@ class OnClumps:
     """(B, C, 6) N s^2, N m s^2: what moves and turns them in the step, times mass and inertia."""
     way_slack: F64
     """(B, C, 2) how far these may be off."""
+    turn_slack: F64
+    """(B, C) N m s^2: the same of the turn where nothing corrects it."""
     unknown: Bool
     """(B, C) clumps of which the loads cannot be known."""
 
@@ -41,7 +43,7 @@ def of_block(block: Block) -> OnClumps:
     """All of them."""
     run, shape = block.run, (block.count, len(block.run.clumps))
     impulse, slack, way, way_slack = (np.zeros((*shape, columns)) for columns in (6, 2, 6, 2))
-    found = OnClumps(impulse, slack, way, way_slack, np.zeros(shape, dtype=bool))
+    found = OnClumps(impulse, slack, way, way_slack, np.zeros(shape), np.zeros(shape, dtype=bool))
     if not len(run.clumps):
         return found
     for load in run.loads:
@@ -90,6 +92,7 @@ def _add(block: Block, out: OnClumps, number: int, mean: F64, slack: F64, way: F
     out.slack[:, number] += slack
     out.way[:, number] += way
     out.way_slack[:, number] += slack * block.dt[:, None]
+    out.turn_slack[:, number] += slack[:, 1] * block.dt
 
 
 def turned_moments(block: Block, load: dict[str, Any]) -> tuple[F64, F64]:
@@ -144,6 +147,9 @@ def _joint(block: Block, j: int, out: OnClumps) -> None:
             _add(block, out, number, sign * mean, slack, 0.5 * sign * block.dt[:, None] * mean)
             size = wrenches.sizes(mean)
             out.way_slack[:, number] += block.dt[:, None] * size
+            # Reactions act in the middle of a step, but for their change from one step to the next.
+            before = np.concatenate([np.zeros((1, 3)), mean[:-1, 3:]])
+            out.turn_slack[:, number] += 2.0 * block.dt * norm(mean[:, 3:] - before)
             out.unknown[:, number] |= ~block.kept
 
 

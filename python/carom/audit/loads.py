@@ -34,6 +34,8 @@ class Loads:
     """(B, N, 2) m, rad."""
     shift_held: F64
     """(B, N, 2) what joints may do besides, along their directions, of which nothing is recorded at the position level."""
+    corrected: F64
+    """(B, N) rad of that by what corrects positions."""
     unknown: Bool
     """(B, N) bodies of which the loads cannot be known."""
     alone: F64
@@ -59,7 +61,8 @@ def of_loads(block: Block) -> Loads:
         np.zeros(s) for s in (six, two, two, two, six, two, two)
     )
     unknown = np.zeros(shape, dtype=bool)
-    found = Loads(impulse, slack, spread, varied, shift, shift_slack, shift_held, unknown, impulse, slack)
+    held = shift_held, np.zeros(shape)
+    found = Loads(impulse, slack, spread, varied, shift, shift_slack, *held, unknown, impulse, slack)
     for load in run.loads:
         if load["kind"] == "force":
             _applied(block, load, found)
@@ -168,6 +171,7 @@ def _joints(block: Block, out: Loads) -> None:
     for bodies, moved, kicked in list(corrections(block, out)):
         for k, inert in enumerate(np.sqrt((run.heavy[bodies], run.node_inertia[bodies]))):
             out.shift_held[:, bodies, k] += moved[:, None] / inert
+            out.corrected[:, bodies] += k * moved[:, None] / inert
             out.spread[:, bodies, k] += kicked[:, None] * inert  # what cancels within the interval
     given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])
     for j, joint in enumerate(run.joints):

@@ -15,6 +15,7 @@ rounding.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -43,8 +44,20 @@ CONTACTS = "impulses of contacts were not recorded; bodies in free flight were j
 RECORD = "contacts = true in [record]"
 
 
-def judge(block: Block, tally: Tally, free: Bool) -> None:
-    """`free` (B, N): bodies that cannot have touched anything; without recorded contacts only they are judged."""
+@dataclass
+class Ways:
+    """How far clumps are off their laws of ways and turns."""
+
+    off: list[F64]
+    """(B, C, 6) m and rad, by either reading of the moments."""
+    bound: F64
+    """(B, C, 2) how far they may be."""
+
+
+def judge(block: Block, tally: Tally, free: Bool, of_clumps: Ways | None) -> None:
+    """`free` (B, N): bodies that cannot have touched anything; without recorded contacts only they are judged. Joints take
+    away from `of_clumps` what they may give, together with that of other bodies.
+    """
     run = block.run
     sums, loads = forces.of_contacts(block), of_loads(block)
     known = block.there & ~loads.unknown
@@ -83,10 +96,15 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
     ways, way_bound = _position(block, tally, sums, loads, touched)
     turns, turn_bound = _rotation(block, sums, loads, touched)
     bound = np.stack([way_bound, turn_bound], axis=-1)
-    found = [
-        answers.unheld(block, np.concatenate([ways, turn], axis=-1), bound, loads.shift_held)
-        for turn in turns
-    ]
+    off = [np.concatenate([ways, turn], axis=-1) for turn in turns]
+    if of_clumps is not None:
+        bound[:, run.clumps.first] = of_clumps.bound
+        for one, other in zip(off, of_clumps.off, strict=True):
+            one[:, run.clumps.first] = other
+    found = [answers.unheld(block, one, bound, loads.shift_held) for one in off]
+    if of_clumps is not None:
+        of_clumps.off = [one[:, run.clumps.first] for one, _ in found]
+        of_clumps.bound = found[0][1][:, run.clumps.first]
     for k, kind in enumerate(("position", "rotation")):
         value = np.minimum(*(norm(off[..., 3 * k : 3 * k + 3]) for off, _ in found))
         tally.measure(
