@@ -153,13 +153,15 @@ def kinked(block: Block, load: dict[str, Any]) -> F64:
 
 
 def rounding(block: Block, load: dict[str, Any]) -> F64:
-    """(B, 2) of the force and moment of a spring: that of the coordinates of its ends by its stiffness."""
+    """(B, 2) of the force and moment of a spring: that of the coordinates and velocities of its ends."""
     if load["kind"] == "drag":
         return np.zeros((block.count, 2))
-    places = [norm(_end(block, load, side, end).place) for side in "ab" for end in (0, 1)]
-    extent = np.sum(places, axis=0) + abs(float(load["rest_length"]))
+    both = [_end(block, load, side, end) for side in "ab" for end in (0, 1)]
+    extent = np.sum([norm(end.place) for end in both], axis=0) + abs(float(load["rest_length"]))
+    fast = np.sum([norm(end.velocity) for end in both], axis=0)
     arm = max(arm for _, arm in ends(block.run, load))
-    return np.asarray(8.0 * EPS * float(load["stiffness"]) * extent[:, None] * [1.0, arm])
+    pull = float(load["stiffness"]) * extent + float(load["damping"]) * fast
+    return np.asarray(8.0 * EPS * pull[:, None] * [1.0, arm])
 
 
 def sizes(given: F64) -> F64:
