@@ -155,6 +155,27 @@ def test_the_page_has_the_tables_of_the_numbers_beside_it(size: str) -> None:
     assert report.text(kept) in page.read_text(encoding="utf-8")
 
 
+def test_a_run_goes_on_with_what_it_began_with_or_is_refused(tmp_path: Path) -> None:
+    def asked(*more: str) -> str:
+        silo = ("--small", "--case", "silo-large", "--runs", str(tmp_path))
+        done = subprocess.run(
+            [sys.executable, str(BULK), *silo, *more],
+            capture_output=True,
+            text=True,
+            timeout=200,
+            check=False,
+        )
+        return done.stderr if done.returncode == 2 else f"code {done.returncode}: {done.stderr}"
+
+    place = tmp_path / "small-silo-large"
+    place.mkdir()
+    (tmp_path / "small-silo-large.options.json").write_text('{"seed": 3, "step": 0.002}')
+    told = f"{place} began with 3; leave it out, or take another folder for --runs"
+    assert f"--seed 4: {told}" in asked("--resume", "--seed", "4", "--step", "2e-3")
+    assert "--rolling-radius 0.1: " in asked("--resume", "--seed", "3", "--rolling-radius", "0.1")
+    assert "--seed does nothing with --measure" in asked("--measure", "--seed", "3")
+
+
 @pytest.mark.long
 def test_small_silos_empty_at_the_rates_of_the_published_ones(tmp_path: Path) -> None:
     """Rate and straightness are judged by the command itself; it goes on from what was interrupted."""

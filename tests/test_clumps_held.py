@@ -70,8 +70,8 @@ def test_a_clump_is_named_by_its_balls() -> None:
     scene.load("tee1-", force=(1, 0, 0))
     scene.joint("fix", body="tee2-")
     message = error(scene)
-    assert '"tee1-" is a clump, and a load acts on its balls; name one: "tee1-1" to "tee1-3"' in message
-    assert '"tee2-" is a clump, and joints act on its balls; name one: "tee2-1" to "tee2-3"' in message
+    assert '"tee1-" is a clump, and a load acts on spheres; its balls are tee1-1 to tee1-3' in message
+    assert '"tee2-" is a clump, and joints act on spheres; its balls are tee2-1 to tee2-3' in message
 
 
 @pytest.mark.parametrize("kind", ["fix", "ball", "rod", "lock"])

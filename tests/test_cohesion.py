@@ -250,3 +250,23 @@ def test_powder_whose_pull_is_many_times_its_weight_comes_to_rest() -> None:
     result = run(scene, 0.05)
     assert np.abs(result.velocity[-1]).max() < 1e-4
     assert np.ptp(result.position[-1], axis=0).max() < 5 * radius
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+def test_a_ball_that_sticks_to_a_ridge_moves_the_same_where_both_move_on(method: str) -> None:
+    """Which part of a mesh is near was asked with the ball at t_n and the mesh where it ends."""
+    corners = [[-5, -5, -2], [0, -5, 0], [0, 5, 0], [-5, 5, -2], [5, -5, -2], [5, 5, -2]]
+    triangles = [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
+
+    def run(drift: np.ndarray) -> np.ndarray:
+        scene = carom.Scene(gravity=(0, 0, 0))
+        scene.contact("ball", "wall", friction=0, restitution=0, cohesion=0.2, rupture_distance=2e-3)
+        start, velocity = (0.004, 0.002, 0.0105), drift + np.array([0.3, 0.1, 0.05])
+        scene.sphere("b", radius=0.01, mass=0.01, material="ball", position=start, velocity=velocity)
+        ways = [{"expression": f"{float(speed)!r}*t"} for speed in drift]
+        vertices = 0.01 * np.array(corners)
+        scene.mesh("m", vertices=vertices, triangles=triangles, material="wall", motion={"translation": ways})
+        result = carom.simulate(scene, method=method, until=0.04, step=1e-3, tolerance=1e-12)
+        return np.asarray(result["b"].position) - np.asarray(result.time)[:, None] * drift
+
+    assert np.abs(run(np.full(3, 0.5)) - run(np.zeros(3))).max() < 1e-12

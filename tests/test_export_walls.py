@@ -139,3 +139,35 @@ def test_a_scene_without_walls_has_no_file_of_them(tmp_path: Path) -> None:
     scene.contact("m", "m", friction=0, restitution=1)
     scene.sphere("a", radius=0.1, mass=1, material="m", at=(0, 0, 0))
     assert [f.name for f in carom.simulate(scene).export(tmp_path, "vtkhdf")] == ["balls.vtkhdf"]
+
+
+@pytest.mark.parametrize("format", ["vtkhdf", "vtp"])
+def test_a_wall_that_is_taken_away_has_no_triangles_from_then_on(format: str, tmp_path: Path) -> None:
+    """Ends of the walls in frames, one of which moves and one goes first of all though it is told first; then none is."""
+    ends = {"early": 1, "late": 3, "moving": 2}
+    scene = carom.Scene("gone", gravity=(0, 0, 0), run={"until": 0.05, "step": 1e-3}, record={"every": 10})
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    for k, (name, end) in enumerate(ends.items()):
+        motion: dict[str, Any] = {"until": 0.01 * end}
+        if name == "moving":
+            motion["translation"] = [0, {"expression": "t"}, 0]
+        scene.plane(
+            name, point=(k, 0, 1), normal=(0, 0, 1), size=(0.1 * (k + 1), 1), material="m", motion=motion
+        )
+    scene.sphere("ball", radius=0.02, mass=0.1, material="m", at=(0, 0, 0.05))
+    result = carom.simulate(scene)
+    first = {1 + result.walls[name].index: (name, end) for name, end in ends.items()}
+    for frame, (time, data) in enumerate(steps_of(result.export(tmp_path, format)[-1])):
+        there = sorted(k for k, (_, end) in first.items() if frame <= end)
+        corners, ids = triangles(data), of_cells(data, "id")
+        assert sorted(set(ids.tolist())) == there
+        assert data.GetNumberOfPoints() == 4 * len(there)
+        for k in there:
+            mine = corners[ids == k]
+            area = (
+                0.5 * np.linalg.norm(np.cross(mine[:, 1] - mine[:, 0], mine[:, 2] - mine[:, 0]), axis=1).sum()
+            )
+            assert area == pytest.approx(0.1 * k, rel=1e-12)
+            low = mine.reshape(-1, 3).min(axis=0)
+            moved = time if first[k][0] == "moving" else 0.0
+            assert low == pytest.approx([k - 1 - 0.05 * k, moved - 0.5, 1.0])

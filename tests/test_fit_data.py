@@ -132,6 +132,8 @@ WRONG: dict[str, tuple[dict[str, Any], list[dict[str, Any]], dict[str, Any], str
     "unknown search": (V, [end(0.02, 1e-4)], {"search": "newton"}, r"search\.kind: no search is called 'newton'"),
     "points": (V, [end(0.02, 1e-4)], {"points": 0}, r"search\.points: expected a whole number from 1"),
     "too few points": (V, [end(0.02, 1e-4)], {"points": 3, "starts": 4}, "least_squares begins with 4 points"),
+    "starts of another search": (V, [end(0.02, 1e-4)], {"search": "differential_evolution", "starts": 2}, "has no starts"),
+    "start of seeds": ({**V, "s": {"seeds": 2, "start": 1}}, [end(0.02, 1e-4)], {}, "seeds stands alone, found start too"),
     "difference": (V, [end(0.02, 1e-4)], {"difference": 0.7}, r"search\.difference: expected a share"),
     "late": (V, [{**CURVE, "time": [0.0, 0.03]}], {}, "target 1: a time of 0.03 s is after the end .* at 0.02 s; raise"),
     "very late": (V, [{**CURVE, "time": [0.0, 20.0]}], {}, 'if the times are in another unit, write "20 ms"; else raise'),
@@ -152,6 +154,26 @@ def test_an_impossible_bound_is_named_with_its_parameter(parameters: dict[str, A
     targets = [{"quantity": "b.velocity.x", "value": 0.5, "uncertainty": 0.01}] * 2
     with pytest.raises(CaromError, match=words):
         Calibration.of(COLLISION, parameters, targets)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "set_", "words"),
+    [
+        ({"q": (0.5, 2.0)}, {"ball/ball.restitution": "= q"}, "high = 2 is impossible: ball/ball.restitution must be at"),
+        ({"q": (-0.3, 0.3)}, {"ball/ball.friction": "= q"}, "low = -0.3 is impossible: ball/ball.friction must be zero"),
+        ({"a.mass": (-1.0, 1.0)}, {}, "low = -1 is impossible: a.mass must be positive, found -1"),
+        ({"q": (0.0, 1.0)}, {"a.radius": "= q*0.03"}, "low = 0 is impossible: a.radius must be positive"),
+    ],
+)  # fmt: skip
+def test_bounds_of_numbers_of_balls_and_laws_are_looked_at_before_any_run(
+    parameters: dict[str, Any], set_: dict[str, str], words: str
+) -> None:
+    targets = [{"quantity": "b.velocity.x", "value": 0.5, "uncertainty": 0.01}] * 2
+    with pytest.raises(CaromError, match=words):
+        Calibration.of(COLLISION, parameters, targets, set=set_)
+    Calibration.of(
+        COLLISION, {"q": (0.5, 1.5), "p": (0.1, 0.9)}, targets, set={"ball/ball.restitution": "= p*q"}
+    )
 
 
 def test_a_bound_that_another_parameter_mends_is_allowed() -> None:
@@ -188,6 +210,38 @@ def test_a_wrong_file_is_named(text: str, words: str, free: Path) -> None:
     (free.parent / "a.csv").write_text(text)
     with pytest.raises(CaromError, match=words):
         Calibration.of(free, V, [{"file": "a.csv", "ball": "cue", "uncertainty": 1.0}], folder=free.parent)
+
+
+OF_FILE = {"file": "a.csv", "columns": {"x": "cue.position.x"}, "uncertainty": 1.0}
+NUMBER = {"quantity": "cue.position.x", "value": 0.02, "uncertainty": 1e-4}
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ({**OF_FILE, "quantity": "x"}, "quantity does nothing beside file; name it in columns"),
+        ({**OF_FILE, "value": 3.0}, "value does nothing beside file; leave it out"),
+        ({**OF_FILE, "ball": "nobody"}, "ball does nothing beside columns"),
+        ({**OF_FILE, "time": [0.0, 0.01]}, r"time: expected the name of a column, found \[0.0, 0.01\]"),
+        ({**OF_FILE, "unit": "mm"}, "unit does nothing: headings have the units of 1 column in .*a.csv"),
+        ({**OF_FILE, "time": "t", "time_unit": "s"}, "time_unit does nothing: headings have"),
+        ({**OF_FILE, "time": "x"}, 'column "x" is measured, and is its own time'),
+        ({**OF_FILE, "uncertainty": "x"}, 'column "x" is measured, and is its own uncertainty'),
+        ({**OF_FILE, "columns": {"x": 3}}, "needs to be told what its columns are"),
+        ({**NUMBER, "ball": "cue"}, 'ball does nothing without file; write quantity = "BALL.position.x"'),
+        ({**NUMBER, "columns": {"x": "cue.position.x"}}, "columns does nothing without file"),
+        ({**NUMBER, "unit": "mm"}, 'unit does nothing without file; write the unit with the value'),
+        ({**NUMBER, "time_unit": "ms"}, "time_unit does nothing without file"),
+        ({**NUMBER, "time": [0.0, 0.01]}, r"1 value needs time = \[...\] with as many times"),
+        ({**NUMBER, "quantity": "time", "time": 0.01}, "time is a number of the whole run, no curve; leave time out"),
+        ("x", 'target 1: expected a table, found "x"'),
+        ({**NUMBER, 1: 2}, "unknown key 1"),
+    ],
+)  # fmt: skip
+def test_a_key_that_would_do_nothing_is_refused(target: Any, words: str, free: Path) -> None:
+    (free.parent / "a.csv").write_text("t (s),x (m)\n0,0\n0.01,0.0105\n0.02,0.021\n")
+    with pytest.raises(CaromError, match=words):
+        Calibration.of(free, V, [target], folder=free.parent)
 
 
 def test_a_missing_column_is_named_with_those_that_are_there(free: Path) -> None:

@@ -360,7 +360,8 @@ def test_a_cell_of_six_free_planes_holds_its_pressure_as_it_shrinks() -> None:
     assert result.summary["unconverged"] == 0
 
 
-def test_an_area_beside_a_wall_that_is_taken_away_is_refused() -> None:
+@pytest.mark.filterwarnings("ignore:.*the wall stays:carom.CaromWarning")
+def test_an_area_beside_a_wall_that_is_taken_away_is_refused(tmp_path: Path) -> None:
     """It went on growing with a wall that was there no longer."""
 
     def scene(**given: float) -> carom.Scene:
@@ -375,6 +376,16 @@ def test_an_area_beside_a_wall_that_is_taken_away_is_refused() -> None:
         scene().validate()
     result = carom.simulate(scene(area=0.01), step=1e-3, until=0.2, every=1)
     assert result.walls["lid"].force[-1, 2] == pytest.approx(0.2 * G + 1.0, rel=1e-9)
+    # A run that ends before needs no area, and is refused as soon as it would go on.
+    run = carom.simulate(scene(), step=1e-3, until=0.1, every=1, out=tmp_path / "run")
+    assert run.walls["lid"].force[-1, 2] == pytest.approx(0.2 * G + 1.0, rel=1e-9)
+    with pytest.raises(carom.CaromError, match=r'until: plane "far" is taken away at 0.1 s, and a pressure'):
+        carom.resume(tmp_path / "run", until=0.2)
+    with pytest.warns(carom.CaromWarning):
+        stepped = carom.Simulation(scene(), step=1e-3)
+    stepped.step(100)
+    with pytest.raises(carom.CaromError, match=r'step: plane "far" is taken away at 0.1 s, and a pressure'):
+        stepped.step()
 
 
 def test_an_area_that_nothing_encloses_is_refused() -> None:

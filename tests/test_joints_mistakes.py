@@ -239,3 +239,21 @@ def test_wrong_keywords_are_explained() -> None:
         ScenarioError, match=r'Scene.joint\("fix"\): body: is missing in a joint of type "fix"'
     ):
         balls().joint("fix")
+
+
+@pytest.mark.parametrize("what", ["joint", "load", "spring"])
+def test_of_a_clump_its_balls_are_named(what: str) -> None:
+    scene = balls()
+    rod = [[-R, 0, 0, R], [R, 0, 0, R]]
+    scene.clump("rod", spheres=rod, material="m", density=2500, position=(0, 0, 9))
+    if what == "joint":
+        scene.joint("fix", body="rod")
+    elif what == "load":
+        scene.load("rod", force=(1, 0, 0))
+    else:
+        scene.spring("rod", "a", stiffness=1.0)
+    acts = "joints act" if what == "joint" else f"a {what} acts"
+    with pytest.raises(
+        ScenarioError, match=f'"rod" is a clump, and {acts} on spheres; its balls are rod1 to rod2'
+    ):
+        scene.validate()

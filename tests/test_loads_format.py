@@ -360,6 +360,7 @@ def test_the_scenario_that_the_mistakes_spoil_is_good() -> None:
         (lambda s: s.spring("a", "b", k=1), 'Scene.spring("a", "b"): k: unknown keyword'),
         (lambda s: s.drag("a"), 'Scene.drag("a"): translation and rotation are both zero'),
         (lambda s: s.contact("m", "n", friction={"constant": 1}, restitution=0), '"constant" is no kind of law'),
+        (lambda s: s.mesh("m", material="m", file="m.stl", free={"mass": 1}), "free: unknown keyword; free walls are"),
         (lambda s: s.load_function(3), "Scene.load_function: expected a function, found 3"),
     ],
 )  # fmt: skip

@@ -139,7 +139,7 @@ def test_a_clump_by_its_name_and_one_ball_of_it() -> None:
     assert result.sel(body=["a", "two"]).names == ["a", *two.balls]
     assert result.sel(body=["two", "a"]).sel(body="two").names == two.balls
     assert result.sel(body=[*two.balls[1:], "a"]).sel(body="two").names == two.balls[1:]
-    with pytest.raises(CaromError, match="no body is called 'one'"):
+    with pytest.raises(CaromError, match="no body or clump is called 'one'"):
         result.sel(body="two").sel(body="one")
     ball = result.sel(body=two.balls[0])
     mass = float(np.asarray(ball.bodies["mass"])[0])
@@ -234,6 +234,32 @@ def test_clumps_of_a_part() -> None:
     for name in ("time", "present", "position", "orientation", "origin", "velocity", "angular_momentum"):
         assert np.array_equal(getattr(clump, name), np.asarray(getattr(whole, name))[[20, 0]]), name
     assert (clump.balls, clump.mass) == (whole.balls, whole.mass)
+
+
+def test_names_of_clumps_end_slices_and_are_told() -> None:
+    scene = carom.Scene("clumps", run={"until": 1e-3, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.0)
+    for k in range(30):  # messages list twenty balls
+        scene.sphere(f"a{k}", radius=0.01, mass=1.0, position=(0, 0, 0.1 * k), material="m")
+    for k in range(1, 4):
+        spheres = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01]]
+        scene.clump(f"rod{k}-", spheres=spheres, mass=1.0, position=(k, 0, 0), material="m")
+    result = carom.simulate(scene)
+    both = ["rod1-1", "rod1-2", "rod2-1", "rod2-2"]
+    assert result.sel(body=slice("rod1-", "rod2-")).names == both
+    assert result.sel(body=slice("rod3-", None)).names == result.clumps["rod3-"].balls
+    part = result.sel(body=["rod2-2", "a3", "rod1-1"])
+    assert part.sel(body=slice("rod2-", "rod1-")).names == part.names
+    with pytest.raises(CaromError, match="no body or clump is called 'rod1'; did you mean rod1-"):
+        result.sel(body="rod1")
+    with pytest.raises(CaromError, match="known: rod1-, rod2-, rod3-, a0"):
+        result.sel(body="x")
+    with pytest.raises(CaromError, match=r"no body is called 'rod1-'; it is a clump: take clumps\['rod1-'\]"):
+        result["rod1-"]
+    with pytest.raises(CaromError, match="did you mean a29"):
+        result["a299"]
+    with pytest.raises(CaromError, match="comes after"):
+        result.sel(body=slice("rod2-", "rod1-"))
 
 
 def test_tables_of_what_happens_are_cut_too() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -183,3 +184,39 @@ class TestStudy:
         (files / "t.csv").write_text("v, mu\n1.0, a\n")
         with pytest.raises(CaromError, match=r"t.csv, row 2: mu is 'a', not a number"):
             carom.Study.of(files / "slide.toml", table=files / "t.csv")
+
+
+class TestPlaces:
+    """Messages name the file of what they complain about."""
+
+    @pytest.mark.parametrize(
+        ("line", "told"),
+        [
+            ("mu = 0.2", r"run.mu: unknown key; it is a parameter of .*slide.toml: write it below \[set\]"),
+            ("unti = 0.2", "run.unti: unknown key; did you mean until"),
+            ("until = -1", "run.until: must be positive, found -1"),
+        ],
+    )
+    def test_a_wrong_key_of_run_is_named_with_the_file_of_the_study(
+        self, line: str, told: str, files: Path
+    ) -> None:
+        study = files / "study.toml"
+        study.write_text(STUDY.replace("[design]", f"[run]\n{line}\n[design]"))
+        with pytest.raises(CaromError, match=f"^{re.escape(str(study))}: {told}"):
+            carom.Study.from_toml(study)
+
+    def test_a_case_that_is_refused_names_the_scenario_or_the_parameter(self, files: Path) -> None:
+        study = carom.Study.of(files / "slide.toml", {"mu": [-1.0, 0.2], "step": [1e-3, -1e-3]}, check=False)
+        with pytest.raises(CaromError, match=r"slide.toml:20: contact .* friction"):
+            study.targeting.scene(0)
+        with pytest.raises(CaromError, match=r"^parameters of the study: step: must be positive"):
+            study.targeting.scene(3)
+
+    def test_meshes_lie_beside_the_scenario_wherever_a_study_is_run(self, files: Path) -> None:
+        (files / "floor.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n")
+        bed = SCENARIO[SCENARIO.index("[[plane]]") :]
+        mesh = '[[mesh]]\nname = "bed"\nmaterial = "ball"\nfile = "floor.obj"\n'
+        (files / "slide.toml").write_text(SCENARIO.replace(bed, mesh))
+        assert carom.Study.of(files / "slide.toml", {"mu": [0.1, 0.2]}).targeting.scene(1).wall_names == [
+            "bed"
+        ]

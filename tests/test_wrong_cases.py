@@ -213,6 +213,27 @@ def test_a_sequence_that_is_cut_ends_in_a_collective_impact(pile_contacts: int, 
 
 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("pile_contacts", [1, 10_000], ids=["spheres", "rows"])
+@pytest.mark.parametrize("mass", [1e-3, 1e-6])
+def test_a_light_ball_between_heavy_ones_throws_none_back_faster_than_e(
+    mass: float, pile_contacts: int
+) -> None:
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("ball", "ball", friction=0.0, restitution=0.5)
+    scene.contact("ball", "floor", friction=0.0, restitution=0.5)
+    scene.plane("floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))
+    r = 0.02
+    for name, m, z, v in (("a", 1.0, r, 0.0), ("light", mass, 3 * r, 0.0), ("hits", 1.0, 5 * r + 1e-3, -1.0)):
+        scene.sphere(name, material="ball", radius=r, mass=m, position=(0, 0, z), velocity=(0, 0, v))
+    with pytest.warns(CaromWarning):
+        result = carom.simulate(scene, step=1e-4, until=0.005, pile_contacts=pile_contacts, impacts=True)
+    assert result.summary["truncated_sequences"] == 1
+    # The light ball closes at twice the speed of what hits it; all of that would come back.
+    assert result["hits"].velocity[-1, 2] <= 0.5 + 1e-9
+    assert result.steps["energy_kinetic"][-1] <= 0.25 * 0.5 * (1 + 1e-9)
+    assert carom.audit.check(result).ok
+
+
 def test_a_sequence_that_goes_nowhere_ends() -> None:
     """A light ball that friction of 5 wedges between a cone and a plane: there were 203 problems in a step."""
     result = carom.simulate(carom.Scene.from_toml(SCENES / "wedge.toml"), every=1)

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from importlib import import_module  # noqa: TID251 the packages of extras
+from itertools import islice
 from typing import Any
 
 SHOWN = 50
@@ -169,3 +170,16 @@ def did_you_mean(name: str, known: Sequence[str]) -> str:
     if best:
         return f"did you mean {best}? (known: {listed})" if len(known) <= 12 else f"did you mean {best}?"
     return f"known: {listed}"
+
+
+#: Names that are searched and shown where there are very many.
+MANY = 20
+
+
+def among(name: str, *known: Sequence[str]) -> str:
+    """As `did_you_mean` of many names, as those of balls: of each list the first ones, and those that begin alike."""
+    chosen = [list(names[:MANY]) for names in known]
+    for mine, names in zip(chosen, known, strict=True):
+        alike = (n for n in names[MANY:] if n.startswith(name) or name.startswith(n))
+        mine += islice(alike, MANY if name else 0)
+    return did_you_mean(name, [n for mine in chosen for n in mine])

@@ -110,10 +110,26 @@ def _pushing_islands(
     return result
 
 
+def _returned(island: Island, element: int) -> float:
+    """Share of what a contact loses without restitution that Newton's law may give back."""
+    law = island.elements[element].pair.law
+    slips_back = law.tangential_restitution != 0.0 and island.model.options.impact not in SPRINGS
+    return 1.0 if law.restitution_law is not None or slips_back else law.restitution**2
+
+
 def _limit(
-    island: Island, members: list[int], fixed: F64, before: F64, plastic: _Solved, full: _Solved
+    island: Island,
+    members: list[int],
+    fixed: F64,
+    before: F64,
+    plastic: _Solved,
+    full: _Solved,
+    collective: bool,
 ) -> tuple[_Solved, F64]:
-    """Rule R4: `plastic` + s (`full` - `plastic`) with the largest s per group that gains nothing; s per contact (m,)."""
+    """Rule R4: `plastic` + s (`full` - `plastic`) with the largest s per group that gains nothing; s per contact (m,).
+
+    A collective impact gives back at most e^2 of what `plastic` loses, with the largest e of a group.
+    """
     base = island.jump(before)
     given = [fixed - before + of.multipliers for of in (plastic, full)]
     change = [of.jump - base for of in (plastic, full)]
@@ -124,7 +140,10 @@ def _limit(
         island, members, [fixed + plastic.multipliers, fixed + full.multipliers]
     ):
         own = np.isin(island.layout.dofs // 6, bodies)
-        if _work(island, group, before, given[1], change[1]) <= ENERGY_SLACK * float(np.sum(energy[own])):
+        lost = _work(island, group, before, given[0], change[0])
+        kept = max(_returned(island, i) for i in group) if collective else 1.0
+        gained = _work(island, group, before, given[1], change[1]) - (1.0 - kept) * lost
+        if gained <= ENERGY_SLACK * float(np.sum(energy[own])):
             continue
         # the work of r0 + s d is c0 + c1 s + c2 s^2, with c0 <= 0: it is known at 0, at 1 and at 1/2
         c0, half, one = (
@@ -138,7 +157,7 @@ def _limit(
             for s in (0.0, 0.5, 1.0)
         )
         c2 = 2.0 * (c0 + one - 2.0 * half)
-        roots = np.roots([c2, one - c0 - c2, c0])
+        roots = np.roots([c2, one - c0 - c2, kept * c0])
         s = 0.0 if c0 >= 0.0 else float(np.clip(np.max(roots.real), 0.0, 1.0))
         scale[group] = s
         for i in group:
@@ -186,11 +205,12 @@ def impact_problem(
     restores = not (u_minus is None and compressed is None and known is None)
     if restores and not paper and island.model.options.energy_safeguard:
         given, change = fixed - before + solved.multipliers, solved.jump - island.jump(before)
-        if any(_work(island, [i], before, given, change) > 0.0 for i in members):
+        collective = stage == "truncated"
+        if collective or any(_work(island, [i], before, given, change) > 0.0 for i in members):
             plastic = _Solved(np.zeros(island.layout.rows), island.jump(fixed), 0, [], "")
             if compressed is None:
                 plastic = _solve_members(island, members, island.plastic, fixed, what)
-            solved, scale = _limit(island, members, fixed, before, plastic, solved)
+            solved, scale = _limit(island, members, fixed, before, plastic, solved, collective)
     record = ImpactProblem(
         island=tuple(island.layout.bodies),
         stage=stage,

@@ -8,8 +8,9 @@
 
 Each case is one run in `RUNS/SIZE-CASE`: the bed settles, then the orifice opens or the drum turns. Ctrl-C and SIGTERM
 leave a checkpoint, and there is one every few minutes. `--resume` and `carom resume` both go on from it; only the first
-adds to the times. Beside the runs stand, for each case, curves as CSV, a figure, and JSON with all numbers. Exit code 1
-if a target is missed; one that is not reached yet is no miss. The cases are in `scenes.py`, the targets in `targets.py`.
+adds to the times. A seed, a step and the like that a run did not begin with are refused then. Beside the runs stand,
+for each case, curves as CSV, a figure, and JSON with all numbers. Exit code 1 if a target is missed; one that is not
+reached yet is no miss. The cases are in `scenes.py`, the targets in `targets.py`.
 """
 
 from __future__ import annotations
@@ -38,6 +39,36 @@ SOFT = {
     "penalty_resolution": 15,
 }  # fmt: skip
 
+#: What a run begins with, and cannot change when it goes on.
+BEGUN = {
+    "seed": 1, "step": 2e-3, "tolerance": 1e-3, "method": "nsga", "friction": 1.0, "restitution": 1.0,
+    "rolling_radius": 0.0,
+}  # fmt: skip
+
+
+def begins_with(options: argparse.Namespace) -> dict[str, Any]:
+    """The values of `BEGUN` for a new run: those that are given, else the usual ones."""
+    given = {key: getattr(options, key) for key in BEGUN}
+    return {key: BEGUN[key] if value is None else value for key, value in given.items()}
+
+
+def differs(place: Path, options: argparse.Namespace) -> str | None:
+    """What is wrong with options that a run which goes on would ignore; None where it began with the same."""
+    known = options_of(place)
+    began = json.loads(known.read_text("utf-8")) if known.is_file() else {}
+    for key in BEGUN:
+        given, was = getattr(options, key), began.get(key)
+        if given is not None and given != was:
+            told = "it is not known with which" if was is None else f"with {was}"
+            cure = "leave it out, or take another folder for --runs"
+            return f"--{key.replace('_', '-')} {given}: {place} began {told}; {cure}"
+    return None
+
+
+def options_of(place: Path) -> Path:
+    """Where it stands what a run began with: it is there before the run is."""
+    return place.with_name(f"{place.name}.options.json")
+
 
 class Bar(LineBar):
     """Progress of a run: a bar on a terminal, a line now and then elsewhere."""
@@ -65,18 +96,21 @@ def run(case: Case, place: Path, options: argparse.Namespace) -> None:
     bar = Bar()
     try:
         if not options.resume or not place.exists():
-            soft = SOFT if options.method == "penalty" else {}
-            scene = replace(case, seed=options.seed).scene(
-                step=options.step,
-                pile_tolerance=options.tolerance,
-                method=options.method,
+            own = begins_with(options)
+            soft = SOFT if own["method"] == "penalty" else {}
+            scene = replace(case, seed=own["seed"]).scene(
+                step=own["step"],
+                pile_tolerance=own["tolerance"],
+                method=own["method"],
                 threads=options.threads,
                 **soft,
             )
             for law in scene.contacts:
-                law.friction *= options.friction
-                law.restitution *= options.restitution
-                law.rolling_radius = options.rolling_radius
+                law.friction *= own["friction"]
+                law.restitution *= own["restitution"]
+                law.rolling_radius = own["rolling_radius"]
+            if not place.exists():
+                options_of(place).write_text(json.dumps(own) + "\n", encoding="utf-8")
             timed(place, lambda: carom.simulate(scene, out=place, until=SETTLING, progress=bar))
             bar.stop()
             bar = Bar()
@@ -104,18 +138,17 @@ def arguments() -> argparse.Namespace:
     add("--measure", action="store_true", help="run nothing, and measure what is there")
     add("--audit", action="store_true", help="judge each run by `carom check` as well")
     add("--duration", type=float, metavar="S", help="time after the bed has settled, if not all of it")
-    add("--step", type=float, default=2e-3, metavar="S", help="time step (2e-3 s)")
-    add("--tolerance", type=float, default=1e-3, help="pile_tolerance (1e-3)")
+    add("--step", type=float, metavar="S", help="time step (2e-3 s)")
+    add("--tolerance", type=float, help="pile_tolerance (1e-3)")
     add(
         "--method",
         choices=("nsga", "moreau", "penalty"),
-        default="nsga",
         help="method in time (nsga); penalty: soft grains as in the other codes, ten times as slow",
     )
     for name in ("friction", "restitution"):
-        add(f"--{name}", type=float, default=1.0, metavar="SHARE", help=f"{name} over that of each pair (1)")
-    add("--rolling-radius", type=float, default=0.0, metavar="M", help="rolling radius of all pairs (0)")
-    add("--seed", type=int, default=1, help="seed of the bed (1)")
+        add(f"--{name}", type=float, metavar="SHARE", help=f"{name} over that of each pair (1)")
+    add("--rolling-radius", type=float, metavar="M", help="rolling radius of all pairs (0)")
+    add("--seed", type=int, help="seed of the bed (1)")
     add("--threads", type=int, default=1, help="threads (1)")
     add("--json", action="store_true", help="print all numbers as JSON")
     add(
@@ -125,6 +158,17 @@ def arguments() -> argparse.Namespace:
         help="write the tables into this page, figures and curves into a folder of its name",
     )
     options = parser.parse_args()
+    given = next((key for key in BEGUN if getattr(options, key) is not None), None)
+    if options.measure and given is not None:
+        parser.error(
+            f"--{given.replace('_', '-')} does nothing with --measure, which runs nothing; leave it out"
+        )
+    if options.resume:
+        size, cases = ("whole", WHOLE) if options.whole else ("small", SMALL)
+        places = [options.runs / f"{size}-{name}" for name in options.case or cases]
+        for place in places:
+            if place.exists() and (wrong := differs(place, options)) is not None:
+                parser.error(wrong)
     if options.docs and not options.docs.is_file():
         parser.error(f"--docs {options.docs}: there is no such page")
     return options

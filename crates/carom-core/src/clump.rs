@@ -29,27 +29,50 @@ fn present<'a>(
     all.filter_map(|(number, (i, clump))| state.present[i].then_some((number, i, clump)))
 }
 
-/// The motion of clumps without contacts, once their centres have it, and of their balls. Fails if one turns too far in the step.
+/// The motion of clumps without contacts, once their centres have it, and of their balls: what moments of the past are to it. Fails if one turns too
+/// far in the step.
 pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
     let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
-    let h = on.span.h;
-    for (_, i, clump) in present(model, state) {
+    for (number, i, clump) in present(model, state) {
         let (q, w) = (state.orientation[i], state.angular_velocity[i]);
         let momentum = clump.momentum(q, w);
-        let to = clump.free_turn(q, momentum, h);
-        let (end, turn) = (clump.turning(to, momentum), to * q.inverse());
-        let turn = increment(turn);
-        refuse_far(model, i, clump, w.length().max(end.length()) * h)?;
+        let [pseudo, acceleration] = [state.pseudo[i][1], state.acceleration[i][1]];
+        let by_moments = on.coefficients.predict(DVec3::ZERO, pseudo, acceleration);
+        scratch.clumps.free[number] = (clump.free_turn(q, momentum, on.span.h), momentum);
+        scratch.clumps.by_moments[number] = by_moments;
+    }
+    turn_by_moments(on)
+}
+
+/// Turns clumps by the moments of the smooth step as far as they are known: freely, and by the second order of these. Their balls follow.
+pub(crate) fn turn_by_moments(on: &mut Step) -> Result<(), Failure> {
+    let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
+    for (number, i, clump) in present(model, state) {
+        let (free, momentum) = scratch.clumps.free[number];
+        let (by, mean) = (scratch.clumps.by_moments[number], clump.mean_inertia());
+        let to = advance(clump.turning(free, mean * by.displacement), free);
+        let momentum = momentum + mean * by.velocity;
+        let (from, end) = (state.angular_velocity[i], clump.turning(to, momentum));
+        let fastest = from.length().max(end.length());
+        refuse_far(model, i, clump, fastest * on.span.h)?;
+        scratch.clumps.momentum[number] = momentum;
         scratch.angular[i] = Prediction {
             velocity: end,
-            displacement: turn,
-            pseudo: DVec3::ZERO,
-            acceleration: (end - w) / h,
+            displacement: increment(to * state.orientation[i].inverse()),
+            ..by
         };
         for ball in clump.balls.clone() {
             (scratch.linear[ball], scratch.angular[ball]) =
                 (Prediction::default(), scratch.angular[i]);
         }
+    }
+    let linear = &scratch.linear;
+    let centres = (scratch.position.iter_mut())
+        .zip(&state.position)
+        .zip(linear);
+    let clumps = model.balls()..model.first_wall();
+    for ((x, from), p) in centres.skip(clumps.start).take(clumps.len()) {
+        *x = *from + p.displacement;
     }
     place(model, state, scratch, |_| [DVec3::ZERO; 2]);
     for (_, i, clump) in present(model, state) {
@@ -77,7 +100,7 @@ pub(crate) fn turn_by_loads(
             scratch.clumps.moment[number],
             scratch.clumps.orientation[number],
         );
-        let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i]) + moment;
+        let momentum = scratch.clumps.momentum[number] + moment;
         scratch.angular[i].velocity = clump.turning(to, momentum);
         let turn = way * clump.turning(to, moment);
         refuse_far(
@@ -166,8 +189,7 @@ pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratc
         false => taken_back(model, scratch),
     };
     for (number, i, clump) in present(model, state) {
-        let momentum = clump.momentum(state.orientation[i], state.angular_velocity[i])
-            + scratch.clumps.moment[number];
+        let momentum = scratch.clumps.momentum[number] + scratch.clumps.moment[number];
         let (all_loads, end) = (
             scratch.clumps.by_loads[number],
             scratch.clumps.orientation[number],

@@ -113,22 +113,13 @@ impl Model {
 fn near(
     model: &Model,
     state: &State,
-    scratch: &Scratch,
+    (walls, pairs, smallest): (&Walls, &[(u32, u32)], f64),
     position: &[DVec3],
     swept: f64,
 ) -> Result<Vec<NearPair>, Failure> {
-    let margin = (model.cohesive_reach() + swept) / scratch.smallest;
-    let pairs = scratch.neighbours.pairs();
+    let margin = (model.cohesive_reach() + swept) / smallest;
     let mut found = Vec::new();
-    candidates::near_pairs(
-        model,
-        state,
-        &scratch.walls,
-        position,
-        pairs,
-        margin,
-        &mut found,
-    )?;
+    candidates::near_pairs(model, state, walls, position, pairs, margin, &mut found)?;
     found.retain(|near| model.laws[near.law as usize].cohesion > 0.0);
     Ok(found)
 }
@@ -158,11 +149,17 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
         0.5 * h
     };
     let (mut pulls, mut driven_pulls) = (Vec::new(), Vec::new());
-    // Centres of t_n, in the box of then.
-    let course = &mut scratch.walls.periodic;
-    let now = std::mem::replace(&mut course.now, course.start);
-    let found = near(model, state, scratch, &state.position, swept);
-    scratch.walls.periodic.now = now;
+    // Centres of t_n, among the walls and in the box of then: what of a mesh is near hangs on both.
+    let (pairs, smallest) = (scratch.neighbours.pairs(), scratch.smallest);
+    let found = (scratch.walls).at_start(|walls| {
+        near(
+            model,
+            state,
+            (walls, pairs, smallest),
+            &state.position,
+            swept,
+        )
+    });
     let walls = &scratch.walls;
     for near in found? {
         let (a, b) = (near.pair.0 as usize, near.pair.1 as usize);
@@ -280,7 +277,8 @@ pub(crate) fn potential(
     scratch: &Scratch,
     position: &[DVec3],
 ) -> Result<f64, Failure> {
-    let found = near(model, state, scratch, position, 0.0)?;
+    let near_by = (&scratch.walls, scratch.neighbours.pairs(), scratch.smallest);
+    let found = near(model, state, near_by, position, 0.0)?;
     let work = |near: &NearPair| {
         let gap = apart(model, near.pair, near.gap);
         model.laws[near.law as usize].work_of_rupture(gap)

@@ -58,6 +58,10 @@ impl HeldApart {
                 *of = true;
             }
         }
+        for balls in clumps.iter().map(|c| c.balls.clone()) {
+            let of_any = jointed[balls.clone()].contains(&true);
+            jointed[balls].fill(of_any);
+        }
         HeldApart {
             clump,
             pairs,

@@ -3,6 +3,7 @@
 //! A joint is a group of up to six rows between sphere A and sphere B or the ground, of three kinds. `docs/theory/algorithm.md`
 //! section 7 has their measures; gradients are over spatial velocities `(v_A, w_A, v_B, w_B)`.
 
+use crate::clump::body::Carrier;
 use crate::rotation;
 use crate::rows::Rows;
 use crate::stepper::Span;
@@ -82,6 +83,20 @@ struct PlacedRow {
 }
 
 impl Joint {
+    /// The same on the clumps that its balls belong to.
+    pub fn carried(&self, by: &dyn Fn(u32) -> Option<Carrier>) -> Joint {
+        let mut joint = self.clone();
+        if let Some(clump) = by(self.a) {
+            joint.a = clump.body;
+            (joint.rows.iter_mut()).for_each(|row| row.arm_a = clump.arm(row.arm_a));
+        }
+        if let Some(clump) = (!self.grounded()).then(|| by(self.b)).flatten() {
+            joint.b = clump.body;
+            (joint.rows.iter_mut()).for_each(|row| row.arm_b = clump.arm(row.arm_b));
+        }
+        joint
+    }
+
     pub fn grounded(&self) -> bool {
         self.b == GROUND
     }

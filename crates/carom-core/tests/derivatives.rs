@@ -199,6 +199,7 @@ proptest! {
 fn tangents_of_drag_match_differences() {
     let drag = Drag {
         body: 1,
+        arm: DVec3::new(0.3, -0.2, 0.5),
         translation: 0.7,
         rotation: 0.02,
     };

@@ -161,6 +161,7 @@ fn a_load_without_numbers_leaves_a_state_that_is_one() {
     };
     let drag = Drag {
         body: 0,
+        arm: DVec3::ZERO,
         translation: most,
         rotation: most,
     };
@@ -168,6 +169,7 @@ fn a_load_without_numbers_leaves_a_state_that_is_one() {
     let torque = [Scalar::zero(), Scalar::zero(), Scalar::zero()];
     let applied = Applied {
         body: 0,
+        arm: DVec3::ZERO,
         force,
         torque,
     };

@@ -325,6 +325,7 @@ fn a_torque_law_turns_a_ball() {
     let law = Scalar::Polynomial(vec![0.0, 2e-3]);
     input.loads = vec![Arc::new(Applied {
         body: 0,
+        arm: DVec3::ZERO,
         force: zero(),
         torque: [Scalar::zero(), law, Scalar::zero()],
     })];
@@ -435,6 +436,7 @@ fn a_law_that_is_no_number_ends_the_run() {
             let force = [root.clone(), Scalar::zero(), Scalar::zero()];
             input.loads = vec![Arc::new(Applied {
                 body: 0,
+                arm: DVec3::ZERO,
                 force,
                 torque: [Scalar::zero(), Scalar::zero(), Scalar::zero()],
             })];
@@ -477,6 +479,7 @@ fn a_law_that_is_no_number_at_the_start_is_refused() {
         let mut pushed = balls(&[[0.0; 3]], &[]);
         pushed.loads = vec![Arc::new(Applied {
             body: 0,
+            arm: DVec3::ZERO,
             force: [law(), Scalar::zero(), Scalar::zero()],
             torque: [Scalar::zero(), Scalar::zero(), Scalar::zero()],
         })];

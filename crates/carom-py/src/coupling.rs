@@ -123,6 +123,7 @@ fn load(dict: &Bound<'_, PyDict>, balls: usize) -> PyResult<Arc<dyn Load>> {
     Ok(match kind.as_str() {
         "force" => Arc::new(Applied {
             body: body(dict, "body")?,
+            arm: DVec3::ZERO,
             force: three_laws(&item(dict, "force")?)?,
             torque: three_laws(&item(dict, "torque")?)?,
         }),
@@ -137,6 +138,7 @@ fn load(dict: &Bound<'_, PyDict>, balls: usize) -> PyResult<Arc<dyn Load>> {
         }),
         "drag" => Arc::new(Drag {
             body: body(dict, "body")?,
+            arm: DVec3::ZERO,
             translation: number("translation")?,
             rotation: number("rotation")?,
         }),

@@ -367,6 +367,22 @@ impl RowSystem {
         }
     }
 
+    /// Inverse masses of two rows of a contact: of the first, between both, of the second.
+    pub fn inverse_masses(&self, c: &RowContact, [i, j]: [usize; 2]) -> [f64; 3] {
+        let of = |r: usize, s: usize| {
+            let side = |k: usize, node: u32| {
+                let (a, b) = (&self.jac[r][k], &self.jac[s][k]);
+                let part =
+                    |range: std::ops::Range<usize>| -> f64 { range.map(|d| a[d] * b[d]).sum() };
+                let n = node as usize;
+                self.inv_mass[n] * part(0..3) + self.inv_inertia[n] * part(3..6)
+            };
+            let of_b = (c.node_b != WORLD).then(|| side(1, c.node_b));
+            side(0, c.node_a) + of_b.unwrap_or(0.0)
+        };
+        [of(i, i), of(i, j), of(j, j)]
+    }
+
     /// `f = G^T lambda`.
     pub fn impulses(&self, lambda: &[f64], f: &mut [f64]) {
         f.fill(0.0);

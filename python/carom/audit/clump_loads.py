@@ -139,7 +139,7 @@ def _loose(block: Block, load: dict[str, Any]) -> F64:
 def _joint(block: Block, j: int, out: OnClumps) -> None:
     """Recorded reactions."""
     run, joint = block.run, block.run.joints[j]
-    given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])[:, j]
+    given = np.nan_to_num(run.result.joint_impulse[block.first : block.first + block.count])[:, j]
     for body, sign, arm in ((joint["a"], 1.0, joint["rows"][0][2]), (joint["b"], -1.0, joint["rows"][0][3])):
         if wrenches.carried(run, body):
             number = int(run.clump_of[body])

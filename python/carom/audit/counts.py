@@ -73,7 +73,10 @@ def _impacts(run: Run, tally: Tally) -> None:
     # Where no sequence was cut there is none.
     uncut = s["truncated"][step[ended] - 1] == 0
     tally.measure("counts", uncut, 0.0, lambda i: run.step_place(int(step[ended[i]])))
-    most = np.minimum(s["impact_problems"], run.impact_law.problems or np.inf)
+    most = run.impact_law.problems or np.inf
+    if run.impact_law.restitution == "energetic":  # one that was cut goes on by Newton's sequence
+        most = np.where(s["truncated"] > 0, np.inf, most)
+    most = np.minimum(s["impact_problems"], most)
     beyond = np.maximum(0, highest - most)
     tally.measure("counts", beyond, 0.0, lambda i: run.step_place(i + 1))
     # Sub-steps that are given up and made anew may have scaled more than those that count.
@@ -102,7 +105,9 @@ def _histories(run: Run, tally: Tally) -> None:
     beyond += np.where(
         last, 0, np.maximum(0, problem - np.where(level == 2, s["impact_problems"][step - 1], 0))
     )
-    beyond += np.maximum(0, contacts - s["candidates"][step - 1].astype(np.int64))
+    # The projection of Moreau-Jean looks for pairs of its own, at the end of the step.
+    projected = (level == 1) & (run.method == "moreau")
+    beyond += np.where(projected, 0, np.maximum(0, contacts - s["candidates"][step - 1].astype(np.int64)))
     beyond += np.diff(step * len(LEVELS) + level, prepend=0) <= 0
     whole = ~run.cut[step - 1] & (s["fallbacks"][step - 1] == 0)
     tally.measure("counts", beyond, 0.0, lambda i: run.step_place(int(step[i])), whole)

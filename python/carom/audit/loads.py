@@ -173,7 +173,8 @@ def _joints(block: Block, out: Loads) -> None:
             out.shift_held[:, bodies, k] += moved[:, None] / inert
             out.corrected[:, bodies] += k * moved[:, None] / inert
             out.spread[:, bodies, k] += kicked[:, None] * inert  # what cancels within the interval
-    given = np.asarray(run.result.joint_impulse[block.first : block.first + block.count])
+    # Those of the last frame of a run that stopped are not known, nor is that interval judged by them (`kept`).
+    given = np.nan_to_num(run.result.joint_impulse[block.first : block.first + block.count])
     for j, joint in enumerate(run.joints):
         arms = joint["rows"][0][2], joint["rows"][0][3]
         for body, sign, arm in ((joint["a"], 1.0, arms[0]), (joint["b"], -1.0, arms[1])):

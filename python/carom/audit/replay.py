@@ -13,7 +13,8 @@ counted from the motion that problem 0 has left. It takes back what joints and l
 remain, and answers them anew. The problem that ends a sequence which was cut obeys the same law; that of
 `sequence-paper` has no restitution. By Poisson's law the first problem has none, and the second gives at least e_N of the
 impulses of compression (`compression`). An impact through springs is no contact problem: energy, cones and speeds of it
-are judged. It only adds to the loads, with what joints answered to them, and problem 2 after it has no restitution.
+are judged. It only adds to the loads, with what joints answered to them, and problem 2 after it has no restitution. One that
+was cut goes on by Newton's law: problems 2, 3, ... of its bodies have it.
 Bounds: `bounds`.
 """
 
@@ -102,6 +103,20 @@ def _better(one: Told, other: Told, again: I64) -> Told:
     return Told(*(np.concatenate(part) for part in zip(mine, theirs, strict=True)))
 
 
+def _cut(block: Block, r: Hits) -> tuple[Bool, Bool]:
+    """(K,) rows that go on by Newton's law after an impact through springs that was cut, and which of them may instead be of
+    one that was not: steps count what was cut, and beside it another island may have had a problem 2 of its own.
+    """
+    run, none = block.run, np.zeros(len(r), dtype=bool)
+    if run.impact_law.restitution != "energetic":
+        return none, none
+    cut = (r.problem > 1) & (run.steps["truncated"][r.step - 1] > 0)
+    joined = groups(block, r)
+    last = np.zeros(joined.max(initial=-1) + 1, dtype=np.int64)
+    np.maximum.at(last, joined, r.problem)
+    return cut, cut & (last[joined] == 2)
+
+
 class Replay:
     """The impact problems of all whole steps of a block, problem after problem: islands of a step share no bodies.
 
@@ -173,6 +188,7 @@ class Replay:
             ),
         )
         of_images = carried.image_speed(block, r.k, images[1])
+        self.cut, self.unsure = _cut(block, r)
         #: (K,) rows with walls or images that move.
         self.driven = np.isin(r.b, [run.bodies + w for w, wall in enumerate(run.walls) if wall.moves])
         self.driven |= of_images > 0.0
@@ -403,8 +419,9 @@ class Replay:
         self._tell("impact speeds", every, told, 10.0 * noise + of_all)
         o, index = run.options, self.law[rows]
         newtons, printed = (run.impact_law.restitution == law for law in ("newton", "printed"))
-        acts = (r.problem > 0) & (newtons | (printed & ~run.ends(r.problem)))
-        e_t = np.where(acts, run.coefficient("tangential_restitution", index), 0.0)
+        acts = (r.problem > 0) & (newtons | self.cut[rows] | (printed & ~run.ends(r.problem)))
+        restores = acts & ~self.cut[rows]  # springs restore no slip, nor what goes on after them
+        e_t = np.where(restores, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal
         if printed:
             towards = self._rates(rows, (before_impact[a], before_impact[b]), old=True, printed=True).normal
@@ -415,6 +432,7 @@ class Replay:
             e_t = np.where(clear | (e_t == 0.0), e_t, np.where(towards >= 0.0, 0.0, np.nan))
             towards = np.minimum(towards, 0.0)
         e_n = np.where(acts, run.restitution(index, -towards), 0.0)
+        unsure = self.unsure[rows]
         # Between the solutions without restitution and with it (rule R4) nothing closes, no more.
         given, slip, spread = self._expansion(rows, own, left)
         e_t = np.where(np.isnan(given), np.nan, e_t)
@@ -426,11 +444,9 @@ class Replay:
             np.minimum.at(low, joined, r.scale)
             np.maximum.at(high, joined, r.scale)
             self._tell("counts", every, high[joined] - low[joined], np.zeros(len(every)))
-        value = bounds.misfit(
-            after.normal + r.scale * e_n * towards,
-            np.where(scaled | np.isnan(given), 0.0, push - np.nan_to_num(given)),
-            own[0],
-        )
+        remaining = np.where(scaled | np.isnan(given), 0.0, push - np.nan_to_num(given))
+        value = bounds.misfit(after.normal + r.scale * e_n * towards, remaining, own[0])
+        value = np.where(unsure, np.minimum(value, bounds.misfit(after.normal, remaining, own[0])), value)
         short = own[0] * np.maximum(np.nan_to_num(given) - push, 0.0)
         value = np.where(scaled, value, np.maximum(value, short))
         if run.loads_once and r.problem[0] == 0:
@@ -574,7 +590,8 @@ class Replay:
         value = np.maximum(gained, 0.0)
         # Restitution is taken back as far as there is no gain, and no further.
         taken = (np.minimum.reduceat(r.scale, first) > 0.0) & (np.maximum.reduceat(r.scale, first) < 1.0)
-        taken &= run.impact_law.restitution == "newton"
+        # (A collective impact may have less; how much less, a solution without restitution would tell.)
+        taken &= run.impact_law.restitution == "newton" and not run.ends(r.problem[:1])[0]
         value[k[taken]] = np.maximum(value, np.abs(since))[k[taken]]
         self._tell("passivity", rows.start + largest, value[k], bound[k])
 

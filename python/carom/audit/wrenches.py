@@ -309,7 +309,7 @@ def turned_since(block: Block, j: int, body: int, arm: float) -> F64:
     """
     run, result = block.run, block.run.result
     first, last = max(block.first - MEMORY, 1), block.first + block.count
-    given = np.asarray(result.joint_impulse[first:last])[:, j]
+    given = np.nan_to_num(result.joint_impulse[first:last])[:, j]
     size, couple = norm(given[:, :3]), norm(given[:, 3:])
     spin = norm(np.asarray(result.angular_velocity[first - 1 : last])[:, body])
     inertia = run.node_inertia[run.node[body]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,11 +40,12 @@ GAP = 4096
 class Glyphs:
     """The contacts of some consecutive chosen frames end to end: of frame k `count[k]`.
 
-    `frames` (F,) are indices of recorded frames, `time` (F,) s, `points` (C, 3) m, and `data` by the names of `GLYPHS`,
-    (C,) or (C, 3): `normal` points from B to A; `branch` from the centre of B (of a wall: from the contact) to that of A;
-    `impulse` on A and `moment` since the recorded frame before; `force` their mean over that time, with its part
-    `normal_force` along the normal and the size `friction_force` of the rest; `status` 0 open, 1 stick, 2 slip; `body_a`
-    and `body_b` indices, of walls counted after the balls.
+    `frames` (F,) are indices of recorded frames, `time` (F,) s, `points` (C, 3) m, not a number where a contact has no
+    place (see `contact_glyphs`), and `data` by the names of `GLYPHS`, (C,) or (C, 3): `normal` points from B to A;
+    `branch` from the centre of B (of a wall: from the contact) to that of A; `impulse` on A and `moment` since the
+    recorded frame before; `force` their mean over that time, with its part `normal_force` along the normal and the size
+    `friction_force` of the rest; `status` 0 open, 1 stick, 2 slip; `body_a` and `body_b` indices, of walls counted after
+    the balls.
     """
 
     frames: I64
@@ -59,11 +60,22 @@ class Glyphs:
         for first, last in zip(end - self.count, end, strict=True):
             yield self.points[first:last], {name: values[first:last] for name, values in self.data.items()}
 
+    def with_place(self) -> Glyphs:
+        """Those that have a place."""
+        there = np.isfinite(self.points).all(axis=1)
+        if there.all():
+            return self
+        own = np.repeat(np.arange(len(self.count)), self.count)
+        count = np.bincount(own[there], minlength=len(self.count))
+        data = {name: values[there] for name, values in self.data.items()}
+        return replace(self, count=count, points=self.points[there], data=data)
 
-def contact_glyphs(selection: Selection) -> Iterator[Glyphs]:
+
+def contact_glyphs(selection: Selection, *, everything: bool = False) -> Iterator[Glyphs]:
     """The contacts of all chosen frames, some megabytes at a time.
 
-    A contact of two balls lies in the middle of their gap, one with a wall on the wall.
+    A contact of two balls lies in the middle of their gap, one with a wall on the wall, where the balls are at the frame. Of
+    one whose balls have all left since nobody knows where it is: it is left out, unless `everything` is asked for.
     """
     for block in selection.blocks():
         frames = np.array(block.frames, dtype=np.int64)
@@ -72,7 +84,8 @@ def contact_glyphs(selection: Selection) -> Iterator[Glyphs]:
         while first < len(frames):
             fits = int(np.searchsorted(np.cumsum(end[first:] - begin[first:]), ROWS, side="right"))
             part = slice(first, first + max(1, fits))
-            yield _glyphs(selection, block, frames, part, begin[part], end[part])
+            found = _glyphs(selection, block, frames, part, begin[part], end[part])
+            yield found if everything else found.with_place()
             first = part.stop
 
 
@@ -92,9 +105,18 @@ def _glyphs(
     body = column.pop("body").astype(np.int64)
     a, b = body[:, 0], body[:, 1]
     gap = column["gap"][:, None]
-    reach = radius[a][:, None] + np.where((b < count)[:, None], 0.5 * gap, gap)
-    points = block.quantities["position"][part][own, a] - reach * column["normal"]
-    other = np.where(b < count, radius[np.minimum(b, count - 1)], 0.0)[:, None]
+    pair = b < count
+    reach = radius[a][:, None] + np.where(pair[:, None], 0.5 * gap, gap)
+    position = block.quantities["position"][part]
+    points = position[own, a] - reach * column["normal"]
+    if (
+        block.present is not None
+    ):  # a ball may have left since the contact, and then the other one tells its place
+        there, of_b = block.present[part], np.minimum(b, count - 1)
+        from_b = position[own, of_b] + (radius[of_b][:, None] + 0.5 * gap) * column["normal"]
+        b_there = (pair & there[own, of_b])[:, None]
+        points = np.where(there[own, a][:, None], points, np.where(b_there, from_b, np.nan))
+    other = np.where(pair, radius[np.minimum(b, count - 1)], 0.0)[:, None]
     branch = (radius[a][:, None] + gap + other) * column["normal"]
     index = frames[part]
     elapsed = np.where(index > 0, selection.time[index] - selection.time[index - 1], np.inf)
@@ -110,16 +132,8 @@ def _glyphs(
         "body_a": a,
         "body_b": b,
     }
-    there = np.isfinite(points).all(axis=1)
-    if block.present is not None:  # the ball may have left since the contact
-        there &= block.present[part][own, a]
-    return Glyphs(
-        index,
-        selection.time[index],
-        np.bincount(own[there], minlength=len(index)),
-        points[there],
-        {name: found[name][there] for name in GLYPHS},
-    )
+    count_of = np.asarray(end - begin)
+    return Glyphs(index, selection.time[index], count_of, points, {name: found[name] for name in GLYPHS})
 
 
 def _rows(table: Any, begin: I64, end: I64) -> dict[str, Array]:

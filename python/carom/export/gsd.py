@@ -76,6 +76,9 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             particles.angmom = _angular_momentum(
                 found["orientation"], inertia[frame.body][:, None] * found["angular_velocity"]
             )
+            # A bond needs both of its balls, one of which may have left since.
+            both = np.isin(pairs, frame.body).all(axis=1)
+            pairs, carried = pairs[both], {k: values[both] for k, values in carried.items()}
             bonds = snapshot.bonds
             bonds.N, bonds.types = len(pairs), ["contact"]
             bonds.typeid = np.zeros(len(pairs), dtype=np.uint32)

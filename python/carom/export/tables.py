@@ -106,12 +106,14 @@ def _frames(selection: Selection) -> Sheet:
 
 
 def _contacts(selection: Selection) -> Sheet:
-    """One row per frame and contact: its place and the glyph quantities."""
+    """One row per frame and contact: its place and the glyph quantities. Of balls that have left the place is missing, and
+    the row is there: sums of impulses are those of the run.
+    """
     units = {"frame": "1", "time": "s", "a": "1", "b": "1", **_flat_units({"point": "m", **GLYPHS})}
     names = np.array([*selection.result.names, *selection.result.wall_names], dtype=object)
 
     def pieces() -> Iterator[Columns]:
-        for glyphs in contact_glyphs(selection):
+        for glyphs in contact_glyphs(selection, everything=True):
             piece = {
                 "frame": np.repeat(glyphs.frames, glyphs.count),
                 "time": np.repeat(glyphs.time, glyphs.count),

@@ -52,8 +52,7 @@ def write(selection: Selection, directory: Path) -> list[Path]:
         ):
             times = selection.time[np.array(selection.frames)]
             for part in found.parts():
-                points = found.points(part)
-                file.append(times[part], np.full(len(points), points.shape[1]), points.reshape(-1, 3), {})
+                file.append(times[part], found.corners[part], found.points(part), {}, found.faces[part])
             file.repeat(times[part.stop :])
     without(directory, {"contacts.vtkhdf", "walls.vtkhdf"} - {file.name for file in files})
     return files
@@ -61,10 +60,10 @@ def write(selection: Selection, directory: Path) -> list[Path]:
 
 class Temporal:
     """A VTKHDF file written some steps at a time: points, each a vertex cell, or with `triangles` (F, 3) those corners of
-    them, the same in every step.
+    them; a step has the first so many of these.
 
     `fixed` are arrays (n,) or (n, k) of the points, `cells` (F,) or (F, k) of the triangles, that belong to every step; with
-    them and with triangles all steps have the same number of points.
+    them all steps have the same number of points.
     """
 
     def __init__(
@@ -93,12 +92,21 @@ class Temporal:
         self._times: list[float] = []
         self._counts: list[int] = []
         self._begins: list[int] = []
+        self._faces: list[int] = []
         self._varying: list[str] = []
 
-    def append(self, time: Array, count: Array, points: Array, data: Mapping[str, Array]) -> None:
+    def append(
+        self,
+        time: Array,
+        count: Array,
+        points: Array,
+        data: Mapping[str, Array],
+        faces: Array | None = None,
+    ) -> None:
         """Add steps at `time` (F,) s of `count` (F,) points each, with all their points (n, 3) and arrays (n,) or (n, k) end
-        to end; the names of these are the same in every call.
+        to end; the names of these are the same in every call. `faces` (F,): how many of the triangles each step has.
         """
+        self._faces.extend(np.zeros_like(count).tolist() if faces is None else faces.tolist())
         self._varying = list(data)
         begin = self._append("Points", points)
         for name, values in data.items():
@@ -111,23 +119,29 @@ class Temporal:
         """Add steps at `time` (F,) s with the points of the step before."""
         self._times.extend(time.tolist())
         self._counts.extend(self._counts[-1:] * len(time))
+        self._faces.extend(self._faces[-1:] * len(time))
         self._begins.extend(self._begins[-1:] * len(time))
 
     def close(self) -> None:
         """Write what the steps share, and where each begins."""
         self._flush()
         steps, counts = len(self._times), np.array(self._counts, dtype=np.int64)
+        faces = np.array(self._faces, dtype=np.int64)
         # A fixed number of points is one part that all steps share.
-        parts = counts[:1] if len(set(self._counts)) <= 1 else counts
+        if len(set(zip(self._counts, self._faces, strict=True))) <= 1:
+            parts, faces = counts[:1], faces[:1]
+        else:
+            parts = counts
         root = self._root
         root["NumberOfPoints"] = parts
         for kind in CELLS:
             connected, of_parts = np.zeros((0, 1), dtype=np.int64), np.zeros_like(parts)
+            # A step with fewer points or triangles reads only the beginning of both, so that all offsets of cells are 0:
+            # how VTK counts others on has changed between its versions.
             if kind == "Vertices" and self._triangles is None:
-                # A step with fewer points reads only the beginning of both.
                 connected, of_parts = np.arange(counts.max(initial=0))[:, np.newaxis], parts
             elif kind == "Polygons" and self._triangles is not None:
-                connected, of_parts = self._triangles, np.full_like(parts, len(self._triangles))
+                connected, of_parts = self._triangles, faces
             group = root.create_group(kind)
             corners = connected.shape[1]
             group["NumberOfCells"], group["NumberOfConnectivityIds"] = of_parts, corners * of_parts

@@ -34,10 +34,15 @@ def write(selection: Selection, directory: Path) -> list[Path]:
     if found is not None:
         placed = (
             # Walls at rest have one file for all times.
-            polydata(found.points(slice(k, k + 1))[0], {}, found.triangles, found.cells)
+            polydata(
+                found.points(slice(k, k + 1)),
+                {},
+                found.triangles[:n],
+                {name: values[:n] for name, values in found.cells.items()},
+            )
             if found.moves or k == 0
             else None
-            for k in range(len(selection.frames))
+            for k, n in enumerate(found.faces.tolist())
         )
         files.append(_series(selection, directory, "walls", placed))
     without(directory, {"contacts.pvd", "walls.pvd"} - {file.name for file in files}, own=OWN)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carom.arrays import F64, Array
+from carom.arrays import F64, I64, Array
 from carom.export.frames import Selection
 from carom.show.surfaces import Surface, box, surfaces
 
@@ -17,7 +17,11 @@ PART_BYTES = 4 * 1024 * 1024
 
 @dataclass(frozen=True)
 class Walls:
-    """Triangles (F, 3) of all walls, arrays of them (F,) by name, and where their corners are."""
+    """Triangles (F, 3) of all walls, arrays of them (F,) by name, and where their corners are.
+
+    Walls that are taken away come last, the first of them at the very end: what is there at a frame is the beginning of all
+    triangles and of all corners.
+    """
 
     triangles: Array
     cells: dict[str, Array]
@@ -25,19 +29,21 @@ class Walls:
     moves: bool
     """Whether any wall moves."""
     points: Callable[[slice], F64]
-    """Corners (K, V, 3), m, at some of the chosen frames."""
-    count: int
-    """How many frames are chosen."""
+    """Corners (n, 3), m, at some of the chosen frames end to end."""
+    corners: I64
+    """How many corners are there at each chosen frame, (K,)."""
+    faces: I64
+    """The same of triangles."""
 
     def parts(self) -> Iterator[slice]:
         """The chosen frames some megabytes at a time; of walls at rest the first, which stands for all."""
         if not self.moves:
             yield slice(0, 1)
             return
-        corners = int(self.triangles.max()) + 1
-        size = max(1, PART_BYTES // (24 * corners))
-        for first in range(0, self.count, size):
-            yield slice(first, min(first + size, self.count))
+        count = len(self.corners)
+        size = max(1, PART_BYTES // (24 * (int(self.triangles.max()) + 1)))
+        for first in range(0, count, size):
+            yield slice(first, min(first + size, count))
 
 
 def walls(selection: Selection) -> Walls | None:
@@ -50,34 +56,32 @@ def walls(selection: Selection) -> Walls | None:
     if not found:
         return None
     times = selection.time[np.array(selection.frames)]
-    first = np.cumsum([0, *(len(surface.vertices) for surface in found)])
-    count = [len(surface.faces) for surface in found]
+    found.sort(key=lambda surface: -int(surface.wall.motion.there(times).sum()))
+    there = np.stack([surface.wall.motion.there(times) for surface in found], axis=1)  # (K, W)
+    corners = np.array([len(surface.vertices) for surface in found])
+    faces = np.array([len(surface.faces) for surface in found])
+    first = np.cumsum(corners) - corners
     poses = [_poses(surface, times) for surface in found]
-    there = [surface.wall.motion.there(times) for surface in found]
 
     def points(part: slice) -> F64:
-        # A wall that has been taken away shrinks to its point: the triangles of all frames are the same.
         placed = [
-            np.where(
-                shown[part, None, None],
-                surface.placed(position[part, None], orientation[part, None]),
-                position[part, None],
-            )
-            for surface, (position, orientation), shown in zip(found, poses, there, strict=True)
+            surface.placed(position[part, None], orientation[part, None])
+            for surface, (position, orientation) in zip(found, poses, strict=True)
         ]
-        return np.concatenate(placed, axis=1)
+        return np.concatenate(placed, axis=1)[np.repeat(there[part], corners, axis=1)]
 
     return Walls(
-        np.concatenate(
-            [surface.faces + start for surface, start in zip(found, first[:-1], strict=True)]
-        ).astype(np.int64),
+        np.concatenate([surface.faces + start for surface, start in zip(found, first, strict=True)]).astype(
+            np.int64
+        ),
         {
-            "id": np.repeat([len(result.names) + surface.wall.index for surface in found], count),
-            "material": np.repeat([int(surface.wall.facts["material"]) for surface in found], count),
+            "id": np.repeat([len(result.names) + surface.wall.index for surface in found], faces),
+            "material": np.repeat([int(surface.wall.facts["material"]) for surface in found], faces),
         },
         any(surface.wall.motion.moves for surface in found),
         points,
-        len(times),
+        there @ corners,
+        there @ faces,
     )
 
 

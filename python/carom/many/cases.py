@@ -6,17 +6,20 @@ The scene is resolved once. A case copies the few arrays that it changes and sha
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean, quoted
+from carom.errors import CaromError, ScenarioError, among, did_you_mean, quoted
 from carom.result.kinematics import QUANTITIES
 from carom.scene.assembly.arrays import LAW_KEYS, VARYING, resolved_tree
+from carom.scene.builders.balls import make
 from carom.scene.scene import Scene
+from carom.scene.tables.balls import Sphere
+from carom.scene.tables.model import Contact
 
 Values = ArrayLike
 """Numbers in SI, the first axis one row per case."""
@@ -110,7 +113,7 @@ class Overrides:
 
     def _body(self, key: str, owner: str) -> int:
         if owner not in self._names:
-            cure = did_you_mean(owner, list(self._names)[:20])
+            cure = among(owner, list(self._names))
             raise CaromError(f"simulate_batch: {quoted(key)}: no ball is called {quoted(owner)}; {cure}")
         if owner in self._parts:
             raise CaromError(
@@ -182,6 +185,25 @@ class Overrides:
         ]
         world = tree.world.model_copy(update={"gravity": tuple(model["gravity"].tolist())})
         return Scene._of(tree.model_copy(update={"sphere": spheres, "contact": laws, "world": world}))
+
+
+def refuse_numbers(scene: Scene, values: Mapping[str, float]) -> None:
+    """Raise `ScenarioError` for sizes, masses and numbers of laws that no scenario may have; names are those of `Overrides`,
+    which leaves them to the core. Nothing is placed for it.
+    """
+    for key, value in values.items():
+        owner, _, quantity = key.rpartition(".")
+        law = next((law for law in scene._tree.contact if set(law.between) == set(owner.split("/", 1))), None)
+        try:
+            if law is not None and quantity in LAW_KEYS:
+                make(Contact, "", **{**law.written(), quantity: value})
+            elif quantity in ("radius", "mass", "inertia"):
+                make(Sphere, "", **{**_ANY_BALL, quantity: value})
+        except ScenarioError as error:
+            raise ScenarioError(replace(p, where="set", key=key) for p in error.problems) from None
+
+
+_ANY_BALL = {"name": "x", "material": "x", "position": (0.0, 0.0, 0.0), "radius": 1.0, "mass": 1.0}
 
 
 def _meet(a: Sequence[Any], b: Sequence[Any]) -> bool:

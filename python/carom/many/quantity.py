@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, among, did_you_mean
 from carom.result import kinematics
 
 #: Quantities that are looked at where nothing else is said.
@@ -41,7 +41,7 @@ class Quantity:
             return cls(text.strip(), key)
         name = ":".join(rest)  # a name may hold colons
         if name not in bodies:
-            raise CaromError(f"{text}: no sphere is called {name!r}; {did_you_mean(name, bodies[:20])}")
+            raise CaromError(f"{text}: no sphere is called {name!r}; {among(name, bodies)}")
         return cls(text.strip(), key, name, axis)
 
     @property

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carom.arrays import F64, Array, Bool
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, among
 from carom.result.tables import UnknownName
 from carom.scene.packing.neighbours import TOUCHING
 
@@ -345,7 +345,7 @@ def _moves(result: RunData, name: str) -> bool:
 def _index(name: str, known: Sequence[str]) -> int:
     names = list(known)
     if name not in names:
-        raise UnknownName(f"nothing is called {name!r} there; {did_you_mean(str(name), names[:20])}")
+        raise UnknownName(f"nothing is called {name!r} there; {among(str(name), names)}")
     return names.index(name)
 
 

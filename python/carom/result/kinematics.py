@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carom.arrays import F64, I64
-from carom.errors import did_you_mean, extra
+from carom.errors import among, extra
 from carom.result.tables import Impacts, UnknownName
 
 if TYPE_CHECKING:
@@ -221,7 +222,10 @@ class Body(Motion[F64]):
         """The ball that is called so."""
         names = list(whole.names)
         if name not in names:
-            raise UnknownName(f"no body is called {name!r}; {did_you_mean(str(name), names[:20])}")
+            clumps = getattr(whole, "clumps", None)  # of a view an array
+            is_clump = isinstance(clumps, Mapping) and name in clumps
+            cure = f"it is a clump: take clumps[{name!r}]" if is_clump else among(str(name), names)
+            raise UnknownName(f"no body is called {name!r}; {cure}")
         return cls(whole, names.index(name))
 
     @property

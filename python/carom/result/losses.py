@@ -74,7 +74,8 @@ def at_joints(result: RunData) -> dict[str, Any] | None:
     motion = _motion(result, max(2, MOST_REACTIONS // len(scene.joints)))
     last = motion.frames[1:]
     length = np.asarray(result.time)[last] - np.asarray(result.time)[last - 1]
-    force = _rows(result.joint_impulse, last)[:, :, :3] / length[:, None, None]
+    # Not a number at the last frame of a run that stopped.
+    force = np.nan_to_num(_rows(result.joint_impulse, last))[:, :, :3] / length[:, None, None]
     spin, turn = (_rows(column, last) for column in (result.angular_velocity, result.orientation))
     x, v = motion.position[1:], motion.velocity[1:]
     balls = bodies(scene._tree)

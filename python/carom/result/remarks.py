@@ -151,7 +151,7 @@ REMARKS = {
     "cut_short": Remark(
         _cut,
         "impact sequences were cut short in {cut} of {hit} steps with impacts: what still closed there was one impact of"
-        " all contacts, which keeps the energy but spreads it over more balls; ",
+        " all contacts, which spreads the energy that restitution leaves over more balls; ",
         "{cure}",
     ),
     "gained": Remark(_gained, "energy rose by up to {percent:.2g} % in a step", "{cure}"),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.arrays import F64, Array, Bool
-from carom.errors import CaromError, counted, did_you_mean
+from carom.errors import CaromError, among, counted
 from carom.numeric import is_number, is_whole
 from carom.result.clumps import Clump, Clumps
 from carom.result.kinematics import Frames, Part
@@ -243,8 +243,9 @@ def chosen_bodies(
                 raise CaromError(
                     f'sel: a slice of bodies is of names or numbers, as slice("a", "c"), found {end!r}'
                 )
-        start = _number(names, start) if isinstance(start, str) else start
-        stop = _number(names, stop) + 1 if isinstance(stop, str) else stop  # of names both ends count
+        start = min(_named(names, start, clumps, numbers)) if isinstance(start, str) else start
+        # Of names both ends count.
+        stop = max(_named(names, stop, clumps, numbers)) + 1 if isinstance(stop, str) else stop
         if isinstance(wanted.start, str) and isinstance(wanted.stop, str) and start >= stop:
             raise CaromError(f"sel: {wanted.start!r} comes after {wanted.stop!r}; give the first body first")
         return np.arange(len(names))[start : stop : wanted.step]
@@ -252,11 +253,7 @@ def chosen_bodies(
     known = {name: i for i, name in enumerate(names)}
     found: list[int] = []
     for name in several:
-        if isinstance(name, str) and name not in known and name in clumps:
-            balls = clumps[name].numbers
-            found += (balls if numbers is None else np.flatnonzero(np.isin(numbers, balls))).tolist()
-        else:
-            found.append(_number(names, name, known))
+        found += [_number(names, name)] if is_whole(name) else _named(names, name, clumps, numbers, known)
     return np.array(found, dtype=np.intp)
 
 
@@ -274,15 +271,29 @@ def _masked(wanted: Any, count: int, what: str) -> NDArray[np.intp] | None:
     return np.flatnonzero(np.asarray(wanted))
 
 
-def _number(names: Sequence[str], wanted: Any, known: Mapping[str, int] | None = None) -> int:
-    if is_whole(wanted):
-        if not -len(names) <= wanted < len(names):
-            raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
-        return range(len(names))[int(wanted)]
+def _number(names: Sequence[str], wanted: int) -> int:
+    if not -len(names) <= wanted < len(names):
+        raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
+    return range(len(names))[int(wanted)]
+
+
+def _named(
+    names: Sequence[str],
+    wanted: Any,
+    clumps: Mapping[str, Clump],
+    numbers: NDArray[np.intp] | None,
+    known: Mapping[str, int] | None = None,
+) -> list[int]:
+    """Indices of what is called so: one ball, or the balls of a clump that are there."""
     known = {name: i for i, name in enumerate(names)} if known is None else known
-    if not isinstance(wanted, str) or wanted not in known:
-        raise UnknownName(f"no body is called {wanted!r}; {did_you_mean(str(wanted), list(names)[:20])}")
-    return known[wanted]
+    if isinstance(wanted, str):
+        if wanted in known:
+            return [known[wanted]]
+        if wanted in clumps:
+            balls: Array = clumps[wanted].numbers
+            return list(balls if numbers is None else np.flatnonzero(np.isin(numbers, balls)))
+    what = "body or clump" if clumps else "body"
+    raise UnknownName(f"no {what} is called {wanted!r}; {among(str(wanted), [*clumps], names)}")
 
 
 def _seconds(value: Any) -> float:

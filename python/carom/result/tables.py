@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from carom.arrays import Array
-from carom.errors import CaromError, counted, did_you_mean, extra
+from carom.errors import CaromError, among, counted, did_you_mean, extra
 from carom.numeric import is_whole
 from carom.result.record import Record
 from carom.result.record.layout import MEANINGS
@@ -53,7 +53,7 @@ class Named(Mapping[str, V]):
         try:
             return self._things[name]
         except KeyError:
-            cure = did_you_mean(str(name), list(self)[:20])
+            cure = among(str(name), list(self))
             raise UnknownName(f"no {self.what} is called {name!r}; {cure}") from None
 
     def __iter__(self) -> Iterator[str]:
@@ -171,7 +171,7 @@ class _Pairs(Table):
         indices = []
         for name in (first,) if second is None else (first, second):
             if name not in known:
-                raise UnknownName(f"no body or wall is called {name!r}; {did_you_mean(name, known[:20])}")
+                raise UnknownName(f"no body or wall is called {name!r}; {among(name, known)}")
             indices.append(known.index(name))
         body = np.asarray(self["body"])
         return self.where(np.logical_and.reduce([(body == i).any(axis=1) for i in indices]))

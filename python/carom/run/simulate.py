@@ -32,6 +32,7 @@ from carom.run.sinks import Cadence, Checkpoints, Interrupt, Progress, Recorder,
 from carom.run.watch import Callback, Stop, Watch, check_function
 from carom.scene.arguments import renamed
 from carom.scene.assembly.arrays import identify
+from carom.scene.checks.areas import first_area_to_go
 from carom.scene.plan import Plan
 from carom.scene.scene import Scene
 
@@ -279,6 +280,8 @@ def relaunch(
     if options:
         scene = old.overridden(options, places) if places else old.with_options(**options)
     run = Run(scene)
+    if (gone := first_area_to_go(scene._walls(), scene.world.periodic)) is not None:
+        gone.refuse(run.plan.until, "until")
     about = continued(directory)
     before = old.to_model() if options else run.model
     was = identify(before)

@@ -65,12 +65,16 @@ class Recorder(Sink):
         shown = self.store.last_frame
         if shown != simulation.step and not (shown is None and on_grid):
             empty = simulation.advance(0, 0, False, 0.0)
-            self.store.append(with_frame(empty, simulation.frame(), simulation.step))
+            # What joints and walls have got since the last frame stays in the core.
+            state = with_frame(empty, simulation.frame(), simulation.step, given=np.nan)
+            self.store.append(state)
         self.store.commit()
 
 
-def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) -> Any:
-    """`block` (without rows) with one frame: the state as it stands, no impulses of contacts, joints and walls."""
+def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int, given: float = 0.0) -> Any:
+    """`block` (without rows) with one frame: the state as it stands, without contacts. `given` stands for the impulses on
+    joints and walls since the frame before: 0 at the start, not a number where they are not known.
+    """
     columns = dict(block["frames"])
     for name, values in columns.items():
         if name == "step":
@@ -78,7 +82,7 @@ def with_frame(block: Mapping[str, Any], frame: Mapping[str, Any], step: int) ->
         elif name == "contact_end":
             columns[name] = np.zeros(1, dtype=np.uint64)
         elif name in ("joint_impulse", "walls"):
-            columns[name] = np.zeros((1, *values.shape[1:]), values.dtype)
+            columns[name] = np.full((1, *values.shape[1:]), given, values.dtype)
         else:
             columns[name] = np.asarray(frame[name])[np.newaxis].astype(values.dtype)
     return {**block, "frames": columns}

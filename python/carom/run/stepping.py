@@ -24,6 +24,7 @@ from carom.run.simulate import Run, RunFailed, scene_of
 from carom.run.sinks import Interrupt, Recorder
 from carom.run.watch import State
 from carom.scene.assembly.arrays import identify
+from carom.scene.checks.areas import first_area_to_go
 
 if TYPE_CHECKING:
     from carom._core import Block
@@ -78,6 +79,7 @@ class Simulation(State):
         for advice in scene.validate():
             warnings.warn(str(advice), CaromWarning, stacklevel=2)
         self._run, self._keep = Run(scene), keep
+        self._gone = first_area_to_go(scene._walls(), scene.world.periodic)
         self._core = self._run.simulation
         self._origin = _origin(self._run.model)
         super().__init__(self._core, scene.names, self._run.model)
@@ -104,6 +106,8 @@ class Simulation(State):
         if not is_whole(n) or n < 0:
             raise CaromError(f"step: a number of steps from 0 on is needed, found {n!r}")
         plan, target = self._run.plan, self.steps + int(n)
+        if self._gone is not None:
+            self._gone.refuse(target * plan.step, "step")
         if self._keep:
             replace(plan, steps=target).refuse_to_fill_memory(len(self.names))
         last, halt = _Last(), Interrupt()
@@ -165,7 +169,8 @@ class Simulation(State):
     def result(self) -> Result:
         """All that was recorded so far, as `carom.simulate` up to this time returns it. Later steps do not change it.
 
-        Off the grid of frames the last frame has the state alone, without contacts and impulses.
+        Off the grid of frames the last frame has the state alone, without contacts; impulses on walls and at joints are
+        not a number there.
         """
         run = copy.copy(self._run)
         run.plan = replace(run.plan, steps=max(1, self.steps))

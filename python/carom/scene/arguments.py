@@ -13,11 +13,14 @@ from carom.errors import Problem, ScenarioError, did_you_mean, nearest, quoted
 P = ParamSpec("P")
 R = TypeVar("R")
 
+ELSEWHERE = {"free": "free walls are planes without end: Scene.plane takes it"}
+"""The cure for keywords that only one method knows, in calls of others."""
+
 
 def wording(name: str, known: list[str]) -> str:
     """The cure for an unknown keyword: `write step=`, or what there is."""
     best = nearest(name, known)
-    return f"write {best}=" if best else did_you_mean(name, known)
+    return f"write {best}=" if best else ELSEWHERE.get(name) or did_you_mean(name, known)
 
 
 def renamed(function: Callable[P, R]) -> Callable[P, R]:

@@ -95,14 +95,12 @@ class Scene(Waller, Attacher, Taker, Deformer):
             tree, origin = load.parse(source, case=case, given=parameters)
         else:
             tree, origin = load.read(source, case, parameters)
-        scene = cls._of(tree)
-        scene._source = origin
-        return scene
+        return cls._of(tree, origin)
 
     @classmethod
-    def _of(cls, tree: Scenario) -> Scene:
+    def _of(cls, tree: Scenario, source: Source | None = None) -> Scene:
         scene = cls.__new__(cls)
-        scene._tree, scene._source, scene._places = tree, None, {}
+        scene._tree, scene._source, scene._places = tree, source, {}
         tables = (table for section in WALLS for table in getattr(tree, section))
         scene._names = {*(s.name for s in tree.sphere), *(n for table in tables for n in table.wall_names())}
         return scene
@@ -222,8 +220,7 @@ class Scene(Waller, Attacher, Taker, Deformer):
             raise ScenarioError(
                 _placed(key, "unknown option", wording(key, known), places) for key in options
             )
-        scene = Scene._of(tree)
-        scene._source = self._source
+        scene = Scene._of(tree, self._source)
         scene._places = {**self._places, **places}
         return scene
 

@@ -1,10 +1,13 @@
 //! Clumps from their description, and the masses and sizes of all bodies.
 
 use super::ModelInput;
-use crate::clump::body::Clump;
+use crate::clump::body::{quaternion, Carrier, Clump};
+use crate::force::Load;
+use crate::joint::Joint;
 use crate::options::{Method, Options};
 use crate::outcome::{Entry, ModelError};
 use crate::wall::{self, FreeWall};
+use std::sync::Arc;
 
 /// How far (1) the largest principal moment may be above the sum of the others: rounding of flat bodies.
 const FLAT: f64 = 1e-9;
@@ -14,7 +17,7 @@ pub fn compile(input: &ModelInput, options: &Options) -> Result<Vec<Clump>, Mode
     if input.clumps.is_empty() {
         return Ok(Vec::new());
     }
-    check_beside(input, options)?;
+    check_beside(options)?;
     let (n, mut free) = (input.radius.len(), 0);
     for (index, c) in input.clumps.iter().enumerate() {
         let clump = Entry("clump", index);
@@ -46,13 +49,8 @@ pub fn compile(input: &ModelInput, options: &Options) -> Result<Vec<Clump>, Mode
 }
 
 /// Refuses what does not know clumps.
-fn check_beside(input: &ModelInput, options: &Options) -> Result<(), ModelError> {
+fn check_beside(options: &Options) -> Result<(), ModelError> {
     let found = [
-        (!input.joints.is_empty(), "joints"),
-        (
-            !input.loads.is_empty(),
-            "springs or loads beyond the weight",
-        ),
         (options.method != Method::Nsga, "methods other than nsga"),
         (options.is_printed(), "position_friction = \"paper\""),
         (options.impact.is_printed(), "impact = \"sequence-paper\""),
@@ -101,6 +99,30 @@ impl Bodies {
             inertia,
         }
     }
+}
+
+/// The clump that carries a ball of a description, and where; none of other balls.
+fn carrier(input: &ModelInput, clumps: &[Clump], ball: u32) -> Option<Carrier> {
+    let ball = ball as usize;
+    let number = clumps.partition_point(|c| c.balls.end <= ball);
+    let clump = clumps.get(number).filter(|c| c.balls.contains(&ball))?;
+    let axes = quaternion(input.clumps[number].orientation).inverse();
+    Some(Carrier {
+        body: (input.radius.len() + number) as u32,
+        centre: clump.offsets[ball - clump.balls.start],
+        axes: axes * quaternion(input.orientation[ball]),
+    })
+}
+
+/// Loads and joints that are given on balls of clumps as those of the clumps.
+pub fn carry(input: &ModelInput, clumps: &[Clump]) -> (Vec<Joint>, Vec<Arc<dyn Load>>) {
+    let by = |ball: u32| carrier(input, clumps, ball);
+    let loads = input
+        .loads
+        .iter()
+        .map(|load| load.carried(&by).unwrap_or_else(|| load.clone()));
+    let joints = input.joints.iter().map(|joint| joint.carried(&by));
+    (joints.collect(), loads.collect())
 }
 
 /// The clump + 1 of each of `n` balls; nothing without clumps.

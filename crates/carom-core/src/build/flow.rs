@@ -94,17 +94,21 @@ pub(super) fn compile(input: &ModelInput) -> Result<Flow, ModelError> {
     })
 }
 
-/// Of each ball and clump whether outlets leave it: what joints or loads hold, and balls of clumps, which leave with these.
+/// Of each ball and clump whether outlets leave it: what joints or loads hold, a clump by any ball of it, and balls of clumps, which leave with these.
 fn held(input: &ModelInput) -> Vec<bool> {
     if input.outlet.is_empty() {
         return Vec::new();
     }
-    let mut held = vec![false; input.radius.len() + input.clumps.len()];
-    let of_clumps = input.clumps.iter().flat_map(|c| c.balls.clone());
-    for body in held_bodies(input).chain(of_clumps.map(|ball| ball as u32)) {
+    let n = input.radius.len();
+    let mut held = vec![false; n + input.clumps.len()];
+    for body in held_bodies(input) {
         if let Some(held) = held.get_mut(body as usize) {
             *held = true;
         }
+    }
+    for (clump, i) in input.clumps.iter().zip(n..) {
+        held[i] = held[clump.balls.clone()].contains(&true);
+        held[clump.balls.clone()].fill(true);
     }
     held
 }

@@ -3,9 +3,9 @@
 use super::clumps::{self, owners, Bodies};
 use super::{flow, ModelInput};
 use crate::clump::body::quaternion;
-use crate::force::Dependence;
+use crate::force::{Dependence, Load};
 use crate::held_apart::HeldApart;
-use crate::joint::{RowKind, GROUND};
+use crate::joint::{Joint, RowKind, GROUND};
 use crate::model::{ContactLaw, InitialState, Link, LinkKind, Model};
 use crate::options::Options;
 use crate::outcome::{Entry, ModelError};
@@ -43,7 +43,8 @@ impl Model {
         let clumps = clumps::compile(input, &options)?;
         let flow = flow::compile(input)?;
         let (laws, law_table, materials) = compile_laws(input)?;
-        let links = compile_links(input)?;
+        let (joints, loads) = clumps::carry(input, &clumps);
+        let links = compile_links(input, &joints, &loads)?;
         let bodies = Bodies::new(input, &free, &clumps);
         // Balls of clumps have none.
         let inverse = |m: &f64| if *m > 0.0 { 1.0 / m } else { 0.0 };
@@ -73,8 +74,8 @@ impl Model {
             laws,
             law_table,
             materials,
-            joints: input.joints.clone(),
-            loads: input.loads.clone(),
+            joints,
+            loads,
             links,
             options,
         };
@@ -127,14 +128,18 @@ fn compile_free_walls(input: &ModelInput, walls: &mut [Wall]) -> Result<Vec<Free
 }
 
 /// Checks joints and loads and lists what they join.
-fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
+fn compile_links(
+    input: &ModelInput,
+    on_movers: &[Joint],
+    loads: &[Arc<dyn Load>],
+) -> Result<Vec<Link>, ModelError> {
     let n = input.radius.len();
     let mut links = Vec::new();
     let missing = |kind, index, body: u32| {
         let text = format!("is {body}; there are {n} spheres");
         Entry(kind, index).refused(("body", text))
     };
-    for (index, j) in input.joints.iter().enumerate() {
+    for (index, (j, on_mover)) in input.joints.iter().zip(on_movers).enumerate() {
         for body in [j.a, j.b] {
             if body as usize >= n && !(body == GROUND && body == j.b) {
                 return Err(missing("joint", index, body));
@@ -143,6 +148,10 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
         let of_joint = |why| Entry("joint", index).refused(why);
         if j.a == j.b {
             return Err(of_joint(("body", "joins a sphere with itself".to_owned())));
+        }
+        if on_mover.a == on_mover.b {
+            let text = "joins two spheres of one clump, which are one body".to_owned();
+            return Err(of_joint(("body", text)));
         }
         let leading = |kind| (kind != RowKind::Rotation) as usize;
         let translational = j.rows.iter().take_while(|r| leading(r.kind) == 1).count();
@@ -165,19 +174,23 @@ fn compile_links(input: &ModelInput) -> Result<Vec<Link>, ModelError> {
             law.map_err(|text| of_joint(("law", text)))?;
         }
         links.push(Link {
-            a: j.a,
-            b: if j.grounded() { j.a } else { j.b },
+            a: on_mover.a,
+            b: if on_mover.grounded() {
+                on_mover.a
+            } else {
+                on_mover.b
+            },
             kind: LinkKind::Joint(index as u32),
         });
     }
-    for (index, load) in input.loads.iter().enumerate() {
+    for (index, (load, on_mover)) in input.loads.iter().zip(loads).enumerate() {
         let bodies = load.bodies();
         if let Some(body) = bodies.into_iter().flatten().find(|&b| b as usize >= n) {
             return Err(missing("load", index, body));
         }
         load.check()
             .map_err(|why| Entry("load", index).refused(why))?;
-        if let Dependence::Motion(a, b) = load.dependence() {
+        if let Dependence::Motion(a, b) = on_mover.dependence() {
             links.push(Link {
                 a,
                 b: b.unwrap_or(a),

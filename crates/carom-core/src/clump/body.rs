@@ -67,6 +67,12 @@ impl Clump {
         q * ((q.inverse() * momentum) / self.inertia)
     }
 
+    /// Tensor of inertia at an orientation beyond the mean moment times the unit matrix, kg m^2.
+    pub fn inertia_beyond(&self, q: DQuat) -> DMat3 {
+        let (axes, beyond) = (DMat3::from_quat(q), self.inertia - self.mean_inertia());
+        axes * DMat3::from_diagonal(beyond) * axes.transpose()
+    }
+
     /// Energy of its turning beyond that of its node with the same angular velocity, J.
     pub fn energy_beyond(&self, q: DQuat, w: DVec3) -> f64 {
         0.5 * (w.dot(self.momentum(q, w)) - self.mean_inertia() * w.length_squared())
@@ -97,6 +103,23 @@ impl Clump {
             twist(c, 0.5 * h);
         }
         advance(h / mean * momentum, to)
+    }
+}
+
+/// Where a ball is in the clump that carries it.
+#[derive(Clone, Copy, Debug)]
+pub struct Carrier {
+    /// The clump among the bodies.
+    pub body: u32,
+    /// Centre of the ball from the centre of mass, m, and the axes of the ball, both along the principal axes of the clump.
+    pub centre: DVec3,
+    pub axes: DQuat,
+}
+
+impl Carrier {
+    /// A point of the ball as one of the clump, both from the centres in own axes.
+    pub fn arm(&self, of_ball: DVec3) -> DVec3 {
+        self.centre + self.axes * of_ball
     }
 }
 

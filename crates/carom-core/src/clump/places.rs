@@ -2,11 +2,12 @@
 
 use super::body::Clump;
 use crate::contact::Contact;
+use crate::joint::Block6;
 use crate::model::Model;
 use crate::rotation::advance;
 use crate::rows::{halves, Rows};
 use crate::state::State;
-use crate::stepper::Prediction;
+use crate::stepper::{Coefficients, Prediction};
 use carom_solve::rows::NODE_DOF;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -18,6 +19,12 @@ pub struct Clumps {
     /// The same half-way between both ends of the step.
     middle: Vec<DVec3>,
     pub orientation: Vec<DQuat>,
+    /// Where each would turn to in the step without moments (see [`Clump::free_turn`]), and its angular momentum at t_n, kg m^2/s.
+    pub(super) free: Vec<(DQuat, DVec3)>,
+    /// What moments of the smooth step give each: angular momentum over its mean moment of inertia.
+    pub(super) by_moments: Vec<Prediction>,
+    /// Angular momentum where the smooth step ends, kg m^2/s.
+    pub(super) momentum: Vec<DVec3>,
     /// At which the loads were solved, and where these have turned them.
     pub(super) at_loads: Vec<DQuat>,
     pub(super) by_loads: Vec<DQuat>,
@@ -37,6 +44,9 @@ impl Clumps {
             lever: vec![DVec3::ZERO; balls],
             middle: vec![DVec3::ZERO; balls],
             orientation: vec![DQuat::IDENTITY; count],
+            free: vec![(DQuat::IDENTITY, DVec3::ZERO); count],
+            by_moments: vec![Prediction::default(); count],
+            momentum: vec![DVec3::ZERO; count],
             at_loads: vec![DQuat::IDENTITY; count],
             by_loads: vec![DQuat::IDENTITY; count],
             moment: vec![DVec3::ZERO; count],
@@ -54,6 +64,50 @@ impl Clumps {
         for (ball, offset) in clump.balls.clone().zip(&clump.offsets) {
             self.lever[ball] = to * *offset;
             self.middle[ball] = middle * *offset;
+        }
+    }
+
+    /// A correction of the smooth motion: of the angular velocity of what is no clump, of a clump by its angular momentum.
+    pub(crate) fn correct(
+        &mut self,
+        model: &Model,
+        (body, angular): (usize, &mut Prediction),
+        coefficients: &Coefficients,
+        dw: DVec3,
+    ) {
+        let prediction = match model.as_clump(body as u32) {
+            Some(number) => &mut self.by_moments[number],
+            None => angular,
+        };
+        coefficients.correct(prediction, dw);
+    }
+
+    /// Gradient rows over the velocities of two bodies as those over their nodes.
+    pub fn scale_rows(&self, model: &Model, bodies: [u32; 2], rows: &mut [[[f64; NODE_DOF]; 2]]) {
+        for (side, body) in bodies.into_iter().enumerate() {
+            if let Some(number) = model.as_clump(body) {
+                for row in rows.iter_mut() {
+                    let turn = self.scale[number][0] * halves(&row[side])[1];
+                    row[side][3..].copy_from_slice(&turn.to_array());
+                }
+            }
+        }
+    }
+
+    /// Derivatives of the wrench on a body over the motion of another one, as those of their nodes.
+    pub fn scale_block(&self, model: &Model, [of, over]: [u32; 2], block: &mut Block6) {
+        if let Some(number) = model.as_clump(of) {
+            let s = self.scale[number][0];
+            for c in 0..NODE_DOF {
+                let turn = s * DVec3::new(block[3][c], block[4][c], block[5][c]);
+                (0..3).for_each(|k| block[3 + k][c] = turn[k]);
+            }
+        }
+        if let Some(number) = model.as_clump(over) {
+            for row in block.iter_mut() {
+                let turn = self.scale[number][0] * halves(&row[..])[1];
+                row[3..].copy_from_slice(&turn.to_array());
+            }
         }
     }
 

@@ -1,22 +1,29 @@
-//! Force and torque on one sphere as functions of time.
+//! Force and torque on one body as functions of time.
 
 use super::{wrench_power, Dependence, Load, LoadError, Motion};
+use crate::clump::body::Carrier;
 use carom_laws::Scalar;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Components in fixed axes: force in N, torque in N m.
 #[derive(Clone, Debug)]
 pub struct Applied {
     pub body: u32,
+    /// Where the force acts, from the centre of the body in its axes, m.
+    pub arm: DVec3,
     pub force: [Scalar; 3],
     pub torque: [Scalar; 3],
 }
 
 impl Applied {
-    fn wrench(&self, time: f64) -> [DVec3; 2] {
+    fn wrench(&self, at: &Motion) -> [DVec3; 2] {
+        let time = at.time;
         let vector =
             |s: &[Scalar; 3]| DVec3::new(s[0].value(time), s[1].value(time), s[2].value(time));
-        [vector(&self.force), vector(&self.torque)]
+        let force = vector(&self.force);
+        let arm = at.orientation[self.body as usize] * self.arm;
+        [force, vector(&self.torque) + arm.cross(force)]
     }
 }
 
@@ -29,6 +36,15 @@ impl Load for Applied {
         [Some(self.body), None]
     }
 
+    fn carried(&self, by: &dyn Fn(u32) -> Option<Carrier>) -> Option<Arc<dyn Load>> {
+        let clump = by(self.body)?;
+        Some(Arc::new(Applied {
+            body: clump.body,
+            arm: clump.arm(self.arm),
+            ..self.clone()
+        }))
+    }
+
     fn check(&self) -> Result<(), (&'static str, String)> {
         for (name, laws) in [("force", &self.force), ("torque", &self.torque)] {
             for law in laws {
@@ -39,7 +55,7 @@ impl Load for Applied {
     }
 
     fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
-        let [f, m] = self.wrench(at.time);
+        let [f, m] = self.wrench(at);
         if !(f.is_finite() && m.is_finite()) {
             let text = format!("force {f} N, torque {m} N m at t = {} s", at.time);
             return Err(LoadError::on(self.body, text));
@@ -51,7 +67,7 @@ impl Load for Applied {
     }
 
     fn power(&self, at: &Motion) -> Result<f64, LoadError> {
-        let wrench = self.wrench(at.time);
+        let wrench = self.wrench(at);
         Ok(wrench_power(&wrench, &at.twist(self.body as usize)))
     }
 }

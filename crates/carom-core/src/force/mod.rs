@@ -9,6 +9,7 @@ pub mod drag;
 pub mod spring;
 pub mod total;
 
+use crate::clump::body::Carrier;
 use crate::joint::{Block6, Pose, Twist};
 use crate::outcome::Failure;
 use glam::{DQuat, DVec3};
@@ -83,6 +84,11 @@ pub trait Load: std::fmt::Debug + Send + Sync {
 
     /// The spheres it acts on; none named: any.
     fn bodies(&self) -> [Option<u32>; 2];
+
+    /// The same on the clumps that balls belong to; none where it names no ball of a clump.
+    fn carried(&self, _by: &dyn Fn(u32) -> Option<Carrier>) -> Option<Arc<dyn Load>> {
+        None
+    }
 
     /// Refuses unusable numbers: quantity and what is wrong with it.
     fn check(&self) -> Result<(), (&'static str, String)>;

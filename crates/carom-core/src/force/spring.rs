@@ -1,9 +1,11 @@
 //! Linear spring and damper between two attachment points: `F = k (l - l_0) + c l'` along the line that joins them.
 
 use super::{coefficient, Dependence, Load, LoadError, Magnitude, Motion, Tangent};
+use crate::clump::body::Carrier;
 use crate::joint::{add_block, lever_blocks, outer, skew, Pose, Twist, GROUND};
 use crate::wall;
 use glam::{DMat3, DVec3};
+use std::sync::Arc;
 
 /// Between sphere `a` and sphere `b` or the ground.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +76,25 @@ impl Load for Spring {
 
     fn bodies(&self) -> [Option<u32>; 2] {
         self.ends()
+    }
+
+    fn carried(&self, by: &dyn Fn(u32) -> Option<Carrier>) -> Option<Arc<dyn Load>> {
+        let (a, b) = (by(self.a), by(self.b));
+        let on = |clump: &Option<Carrier>, body, arm| match clump {
+            Some(clump) => (clump.body, clump.arm(arm)),
+            None => (body, arm),
+        };
+        let ((a, arm_a), (b, arm_b)) = match (&a, &b) {
+            (None, None) => return None,
+            _ => (on(&a, self.a, self.arm_a), on(&b, self.b, self.arm_b)),
+        };
+        Some(Arc::new(Spring {
+            a,
+            b,
+            arm_a,
+            arm_b,
+            ..*self
+        }))
     }
 
     fn check(&self) -> Result<(), (&'static str, String)> {

@@ -31,6 +31,15 @@ pub fn add_loads(model: &Model, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Resul
             }
         }
     }
+    // Functions of the user know balls alone.
+    for (i, clump) in model.numbered_clumps() {
+        for ball in clump.balls.clone() {
+            let [force, moment] = std::mem::take(&mut wrench[ball]);
+            let lever = at.position[ball] - at.position[i];
+            let of_ball = [force, moment + lever.cross(force)];
+            wrench[i] = std::array::from_fn(|k| wrench[i][k] + of_ball[k]);
+        }
+    }
     Ok(())
 }
 

@@ -2,13 +2,14 @@
 //! joint rows, and loads act through the change of `h f` with the velocities of the problem (eq. 4).
 
 use super::law::Law;
+use crate::clump::places::Clumps;
 use crate::impact::memory::ImpactScratch;
 use crate::joint::add_reaction;
 use crate::level::coupling::Trial;
 use crate::level::Task;
 use crate::model::Model;
 use crate::rotation;
-use crate::rows::{halves, Rows};
+use crate::rows::{flat, halves, Rows};
 use crate::stepper::Span;
 use crate::workspace::{IslandScratch, On};
 use carom_solve::rows::{Measured, RowSystem, Subproblem, NODE_DOF, WORLD};
@@ -17,6 +18,7 @@ use glam::DVec3;
 /// Velocity measures, linear in `u`, beside loads that are not.
 pub struct CoupledVelocities<'a> {
     pub model: &'a Model,
+    pub clumps: &'a Clumps,
     pub loads: &'a [u32],
     pub bodies: &'a [u32],
     pub node_of: &'a [u32],
@@ -38,12 +40,18 @@ impl Subproblem for CoupledVelocities<'_> {
         let h = self.span.h;
         for (node, &body) in self.bodies.iter().enumerate() {
             let at = |k: usize| self.before[NODE_DOF * node + k] + u[NODE_DOF * node + k];
-            self.trial.velocity[body as usize] = DVec3::new(at(0), at(1), at(2));
-            self.trial.angular_velocity[body as usize] = DVec3::new(at(3), at(4), at(5));
+            let motion = [
+                DVec3::new(at(0), at(1), at(2)),
+                DVec3::new(at(3), at(4), at(5)),
+            ];
+            let [velocity, spin] = self.clumps.from_node(self.model, body, motion);
+            self.trial.velocity[body as usize] = velocity;
+            self.trial.angular_velocity[body as usize] = spin;
         }
         let mut load = std::mem::take(&mut system.load);
         self.trial.wrenches(
             self.model,
+            self.clumps,
             self.loads,
             self.bodies,
             self.span.end,
@@ -54,8 +62,8 @@ impl Subproblem for CoupledVelocities<'_> {
         }
         self.trial.stiffness(
             self.model,
-            self.loads,
-            self.node_of,
+            self.clumps,
+            (self.loads, self.node_of),
             self.span.end,
             (0.0, h),
             &mut system.load_tangent,
@@ -96,7 +104,8 @@ impl ImpactScratch {
             let node = |body: u32| solve.node_of[body as usize];
             self.linked.extend(pairs.map(|pair| pair.map(node)));
             self.load_base.resize(NODE_DOF * solve.bodies.len(), 0.0);
-            trial.wrenches(model, &self.loads, &solve.bodies, end, &mut self.load_base);
+            let base = &mut self.load_base;
+            trial.wrenches(model, scratch.clumps, &self.loads, &solve.bodies, end, base);
         }
         for &body in &solve.bodies {
             let i = body as usize;
@@ -108,6 +117,7 @@ impl ImpactScratch {
         for &index in &self.joints {
             let joint = &model.joints[index as usize];
             let dim = joint.gradient_at(&trial.poses(joint), &mut rows);
+            (scratch.clumps).scale_rows(model, [joint.a, joint.b], &mut rows[..dim]);
             let node = |body: u32| solve.node_of.get(body as usize).copied().unwrap_or(WORLD);
             let mut rates = [0.0; 6];
             joint.rates(end, &mut rates);
@@ -167,7 +177,8 @@ impl ImpactScratch {
         }
         self.speeds = self.wall_speeds;
         for (node, &body) in scratch.solve.bodies.iter().enumerate() {
-            let [velocity, spin] = halves(&self.v_check[NODE_DOF * node..]);
+            let settled = halves(&self.v_check[NODE_DOF * node..]);
+            let [velocity, spin] = scratch.clumps.from_node(model, body, settled);
             self.speeds.add(model, state, velocity, body as usize);
             scratch.trial.velocity[body as usize] = velocity;
             scratch.trial.angular_velocity[body as usize] = spin;
@@ -178,9 +189,9 @@ impl ImpactScratch {
         self.impulse[first..].fill(0.0);
         if !self.loads.is_empty() {
             let (loads, bodies) = (&self.loads, &scratch.solve.bodies);
-            scratch
-                .trial
-                .wrenches(model, loads, bodies, self.span.end, &mut self.load_base);
+            let (clumps, end) = (scratch.clumps, self.span.end);
+            let base = &mut self.load_base;
+            (scratch.trial).wrenches(model, clumps, loads, bodies, end, base);
         }
         true
     }
@@ -194,9 +205,13 @@ impl ImpactScratch {
             for r in 0..joint.rows.len() {
                 let lambda = self.settled_joint[row] + self.impulse[first + row];
                 let total = &mut scratch.joint_reaction[index];
-                add_reaction(joint, r, &self.full.jac[first + row], lambda, total);
+                let own = |row: &[[f64; NODE_DOF]; 2]| {
+                    let of_body = scratch.clumps.to_node(model, joint.a, halves(&row[0]));
+                    [flat(of_body), row[1]]
+                };
+                add_reaction(joint, r, &own(&self.full.jac[first + row]), lambda, total);
                 if let Some(&load) = self.load.get(first + row) {
-                    add_reaction(joint, r, &self.middle[first + row], load, total);
+                    add_reaction(joint, r, &own(&self.middle[first + row]), load, total);
                 }
                 row += 1;
             }

@@ -2,6 +2,8 @@
 //!
 //! Between the solution without restitution `r0` and the one with it `r1` the work of `r0 + s (r1 - r0)` is a quadratic in `s`, and both the
 //! cones and non-penetration are convex. So the largest `s` without a gain is a root, and what belongs to it is in the cones and closes nothing.
+//!
+//! A collective impact gives back at most e^2 of what `r0` loses, as one contact does: so the work of `r0` counts e^2 times there.
 
 use carom_solve::clusters::{apart, Forest};
 use carom_solve::rows::WORLD;
@@ -26,6 +28,8 @@ pub struct ContactWork {
     pub terms: [f64; 3],
     /// Work that the residual of the solution can explain, J.
     pub explained: f64,
+    /// Share of what it loses without restitution that it may give back at most (1).
+    pub returned: f64,
 }
 
 impl ContactWork {
@@ -87,6 +91,8 @@ pub enum Admit {
     /// And what the residual explains, up to [`SHARE`] of this tolerance of the solver, of the energy: balls that friction wedges hold one another
     /// with any force, and the residual of that explains anything.
     Tolerance(f64),
+    /// The same of a collective impact, which gives back no more than its contacts by themselves would ([`ContactWork::returned`]).
+    Returned(f64),
 }
 
 /// Restitution scale of each node by its group (contacts with impulse joined by nodes); nothing if no group gains. `kinetic`: energy of each
@@ -97,7 +103,8 @@ pub fn scales(
     kinetic: impl FnOnce() -> Vec<f64>,
 ) -> Option<Vec<f64>> {
     let pressed = || works.iter().filter(|w| w.is_pressed);
-    if pressed().all(|w| w.done() <= 0.0) {
+    let is_collective = matches!(admit, Admit::Returned(_));
+    if !is_collective && pressed().all(|w| w.done() <= 0.0) {
         return None;
     }
     let kinetic = kinetic();
@@ -107,8 +114,10 @@ pub fn scales(
     }
     let mut terms = vec![[0.0; 3]; kinetic.len()];
     let (mut explained, mut energy) = (vec![0.0; kinetic.len()], vec![0.0; kinetic.len()]);
+    let mut returned = vec![0.0f64; kinetic.len()];
     for w in pressed() {
         let group = joined.root(w.a) as usize;
+        returned[group] = returned[group].max(w.returned);
         for (sum, term) in terms[group].iter_mut().zip(w.terms) {
             *sum += term;
         }
@@ -117,12 +126,19 @@ pub fn scales(
     for (node, kinetic) in (0..).zip(&kinetic) {
         energy[joined.root(node) as usize] += kinetic;
     }
+    if is_collective {
+        for (terms, share) in terms.iter_mut().zip(returned) {
+            terms[0] *= share;
+        }
+    }
     let of_group: Vec<f64> = (terms.iter().zip(explained.iter().zip(&energy)))
         .map(|(terms, (explained, energy))| {
             let of_residual = match admit {
                 Admit::Rounding => 0.0,
                 Admit::Explained => *explained,
-                Admit::Tolerance(tolerance) => explained.min(SHARE * tolerance * energy),
+                Admit::Tolerance(tolerance) | Admit::Returned(tolerance) => {
+                    explained.min(SHARE * tolerance * energy)
+                }
             };
             let admitted = ROUNDING * energy + of_residual;
             match terms.iter().sum::<f64>() > admitted {

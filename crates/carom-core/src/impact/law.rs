@@ -3,22 +3,17 @@
 use crate::model::ContactLaw;
 use crate::options::Options;
 
-/// What a contact has in the expansion: the least normal impulse, and the factor of the tangential impulse of compression that is the
-/// measure of slip there. `compressed`: that normal impulse, N s; `inverse` masses of normal and tangential rows, 1/kg.
-pub fn expansion(
-    material: &ContactLaw,
-    compressed: f64,
-    inverse: [f64; 2],
-    o: &Options,
-) -> [f64; 2] {
-    let speed = compressed * inverse[0];
+/// What a contact has in the expansion: the least normal impulse, and the factor of what friction of the compression gave its slip, which is the
+/// measure of slip there. `compressed`: that normal impulse, N s; `inverse` mass along the normal, 1/kg.
+pub fn expansion(material: &ContactLaw, compressed: f64, inverse: f64, o: &Options) -> [f64; 2] {
+    let speed = compressed * inverse;
     let acts = speed > 0.0 && speed >= o.restitution_threshold;
     let least = if acts {
         material.restitution(speed) * compressed
     } else {
         0.0
     };
-    [least, -material.tangential_restitution * inverse[1]]
+    [least, -material.tangential_restitution]
 }
 
 /// Which velocities `V_minus` restitution acts on.
@@ -38,6 +33,16 @@ pub enum Law {
     Springs,
     /// As the paper prints it: normal of n, not clipped, e_T always.
     Printed,
+}
+
+/// Share of what a contact loses without restitution that an impact by Newton's law may give back (1): e_N^2. All of it where e_N is a law, or where
+/// slip comes back too.
+pub fn returned(material: &ContactLaw, o: &Options) -> f64 {
+    let slips_back = material.tangential_restitution != 0.0 && o.impact.restores_slip();
+    match material.restitution_law.is_some() || slips_back {
+        true => 1.0,
+        false => material.restitution.powi(2),
+    }
 }
 
 impl Law {

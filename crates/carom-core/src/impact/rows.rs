@@ -163,7 +163,8 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
     }
 
     fn limits(&self, with: Option<&RowSolution>, admit: Admit) -> Option<Vec<f64>> {
-        self.work.limits(self.on.task.model, with, admit)
+        let (model, contacts) = (self.on.task.model, &*self.on.scratch.contacts);
+        self.work.limits((model, contacts), with, admit)
     }
 
     fn tolerance(&self) -> f64 {

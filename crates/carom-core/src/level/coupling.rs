@@ -1,6 +1,7 @@
 //! Joints and loads that depend on the motion, as the position and velocity sub-problems of an island see them:
 //! rows of joints, and the change of the loads `f_p`, `f_v` (eqs. 3, 4) with its derivatives.
 
+use crate::clump::places::Clumps;
 use crate::force::{Motion, Tangent};
 use crate::joint::{over_increment, Joint, Pose, Twist};
 use crate::model::Model;
@@ -71,10 +72,11 @@ impl Trial {
         [twist(joint.a), b]
     }
 
-    /// Sum of the given loads on the given spheres, 6 per sphere.
+    /// Sum of the given loads on the nodes of the given bodies, 6 per node.
     pub fn wrenches(
         &mut self,
         model: &Model,
+        clumps: &Clumps,
         loads: &[u32],
         bodies: &[u32],
         time: f64,
@@ -89,7 +91,7 @@ impl Trial {
             let _ = model.loads[load as usize].add(&self.motion(time), &mut wrench);
         }
         for (out, &body) in out.chunks_exact_mut(NODE_DOF).zip(bodies) {
-            let [f, m] = wrench[body as usize];
+            let [f, m] = clumps.from_node(model, body, wrench[body as usize]);
             out[..3].copy_from_slice(&f.to_array());
             out[3..].copy_from_slice(&m.to_array());
         }
@@ -100,8 +102,8 @@ impl Trial {
     pub fn stiffness(
         &mut self,
         model: &Model,
-        loads: &[u32],
-        node_of: &[u32],
+        clumps: &Clumps,
+        (loads, node_of): (&[u32], &[u32]),
         time: f64,
         (scale_q, scale_v): (f64, f64),
         out: &mut Vec<(u32, u32, f64)>,
@@ -112,7 +114,10 @@ impl Trial {
             model.loads[load as usize].tangent(&self.motion(time), &mut tangents);
         }
         out.clear();
-        for t in &tangents {
+        for t in &mut tangents {
+            for block in [&mut t.position, &mut t.velocity] {
+                clumps.scale_block(model, [t.of, t.over], block);
+            }
             let row = NODE_DOF as u32 * node_of[t.of as usize];
             let col = NODE_DOF as u32 * node_of[t.over as usize];
             for (i, (over_q, over_v)) in t.position.iter().zip(&t.velocity).enumerate() {

@@ -1,7 +1,7 @@
 //! Measures of the position level as functions of the correction: gaps, increments, joints, and loads that depend on positions.
 
 use super::coupling::{position_rows, Trial};
-use crate::clump::places::ClumpPositions;
+use crate::clump::places::{ClumpPositions, Clumps};
 use crate::contact::Contact;
 use crate::islands::Island;
 use crate::model::Model;
@@ -62,6 +62,7 @@ impl Positions<'_> {
 /// Joints and loads of an island.
 pub(super) struct CoupledPositions<'a> {
     pub island: Island<'a>,
+    pub clumps: &'a Clumps,
     pub state: &'a State,
     /// Rotation increments after the smooth step, per sphere.
     pub angular: &'a [Prediction],
@@ -83,7 +84,7 @@ type Places<'a> = (&'a [DVec3], &'a [[DVec3; 2]]);
 impl<'a> CoupledPositions<'a> {
     /// Puts the island where the smooth step ends, and pushes the rows of its joints.
     pub fn open(
-        model: &Model,
+        (model, clumps): (&Model, &'a Clumps),
         state: &'a State,
         island: Island<'a>,
         span: Span,
@@ -106,6 +107,7 @@ impl<'a> CoupledPositions<'a> {
             let joint = &model.joints[index as usize];
             // Nominal rows for D_cc; the measures come with the first evaluation.
             let dim = joint.gradient_at(&trial.poses(joint), &mut rows);
+            clumps.scale_rows(model, [joint.a, joint.b], &mut rows[..dim]);
             let nodes = (node(joint.a), node(joint.b));
             let (rows, zeros) = (&rows[..dim], &[0.0; 6][..dim]);
             system.push_joint(nodes, joint.translational, joint.length, rows, zeros);
@@ -113,10 +115,11 @@ impl<'a> CoupledPositions<'a> {
         let mut base = vec![0.0; NODE_DOF * bodies.len()];
         if !island.loads.is_empty() {
             system.open_load();
-            trial.wrenches(model, island.loads, bodies, span.end, &mut base);
+            trial.wrenches(model, clumps, island.loads, bodies, span.end, &mut base);
         }
         CoupledPositions {
             island,
+            clumps,
             state,
             angular,
             load_shift,
@@ -129,17 +132,17 @@ impl<'a> CoupledPositions<'a> {
     }
 
     /// Puts the island at the correction `u`.
-    fn move_to(&mut self, centres: &[DVec3], u: &[f64]) {
+    fn move_to(&mut self, model: &Model, centres: &[DVec3], u: &[f64]) {
         for (node, &body) in self.bodies.iter().enumerate() {
             let (i, k) = (body as usize, NODE_DOF * node);
             self.trial.position[i] = centres[node] + DVec3::new(u[k], u[k + 1], u[k + 2]);
-            let psi = self.increment(body, u);
+            let psi = self.increment(model, body, u);
             self.trial.orientation[i] = rotation::advance(psi, self.state.orientation[i]);
         }
     }
 
-    /// `psi = psi_check + U_rot` of a sphere; zero for the ground.
-    fn increment(&self, body: u32, u: &[f64]) -> DVec3 {
+    /// `psi = psi_check + U_rot` of a body; zero for the ground.
+    fn increment(&self, model: &Model, body: u32, u: &[f64]) -> DVec3 {
         let Some(prediction) = self.angular.get(body as usize) else {
             return DVec3::ZERO;
         };
@@ -149,7 +152,8 @@ impl<'a> CoupledPositions<'a> {
             .get(body as usize)
             .copied()
             .unwrap_or_default();
-        prediction.displacement + turn + DVec3::new(u[k + 3], u[k + 4], u[k + 5])
+        let own = self.clumps.from_node(model, body, halves(&u[k..]));
+        prediction.displacement + turn + own[1]
     }
 
     fn evaluate(
@@ -165,7 +169,7 @@ impl<'a> CoupledPositions<'a> {
             let joint = &model.joints[index as usize];
             let rc = system.contacts[first + slot];
             let range = rc.rows();
-            let psi = [self.increment(joint.a, u), self.increment(joint.b, u)];
+            let psi = [joint.a, joint.b].map(|body| self.increment(model, body, u));
             let poses = self.trial.poses(joint);
             let dim = position_rows(
                 joint,
@@ -175,6 +179,8 @@ impl<'a> CoupledPositions<'a> {
                 &mut rows,
                 &mut z[range.clone()],
             );
+            let bodies = [joint.a, joint.b];
+            (self.clumps).scale_rows(model, bodies, &mut rows[..dim]);
             system.jac[range].copy_from_slice(&rows[..dim]);
         }
         if system.has_load() {
@@ -182,14 +188,14 @@ impl<'a> CoupledPositions<'a> {
             let (loads, end) = (self.island.loads, self.span.end);
             let mut load = std::mem::take(&mut system.load);
             self.trial
-                .wrenches(model, loads, self.bodies, end, &mut load);
+                .wrenches(model, self.clumps, loads, self.bodies, end, &mut load);
             for (b, base) in load.iter_mut().zip(&self.base) {
                 *b = half * (*b - base);
             }
             self.trial.stiffness(
                 model,
-                loads,
-                self.node_of,
+                self.clumps,
+                (loads, self.node_of),
                 end,
                 (half, 0.0),
                 &mut system.load_tangent,
@@ -246,7 +252,7 @@ impl Subproblem for Positions<'_> {
             }
         }
         if let Some(coupled) = &mut self.coupled {
-            coupled.move_to(self.centres, u);
+            coupled.move_to(self.model, self.centres, u);
             coupled.evaluate(self.model, self.members.len(), system, u, z);
         }
         if !self.of_loads.is_empty() {

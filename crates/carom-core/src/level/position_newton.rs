@@ -129,7 +129,7 @@ fn find(on: &mut On) -> SolveReport {
     newton.attempts.clear();
     let coupled = (!island.is_free()).then(|| {
         CoupledPositions::open(
-            model,
+            (model, clumps),
             state,
             island,
             span,

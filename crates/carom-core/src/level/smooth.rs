@@ -77,17 +77,17 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
         time: on.span.end,
     };
     let tolerance = model.options.tolerance.min(TOLERANCE);
-    let (scratch, report) = (&mut *on.scratch, &mut *on.report);
-    let said = &mut scratch.load_error;
     let displaced = displaced_ahead(model, on.state, on.span.h);
-    evaluated(scratch.smooth.begin(model, displaced, weights.time), said)?;
+    let begun = on.scratch.smooth.begin(model, displaced, weights.time);
+    evaluated(begun, &mut on.scratch.load_error)?;
     for iteration in 0..=model.options.max_iterations {
+        let (scratch, report) = (&mut *on.scratch, &mut *on.report);
         let (linear, angular) = (&mut scratch.linear, &mut scratch.angular);
         let (smooth, trial) = (&mut scratch.smooth, &mut scratch.trial);
         place(on.state, linear, angular, trial);
         let acceleration = |i: usize| [linear[i].acceleration, angular[i].acceleration];
         let found = smooth.evaluate(model, trial, acceleration, &weights);
-        let relative = evaluated(found, said)?;
+        let relative = evaluated(found, &mut scratch.load_error)?;
         scratch.history[0].values.push(relative);
         report.residual_smooth = relative;
         if relative <= tolerance {
@@ -97,17 +97,19 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
         if !relative.is_finite() || iteration == model.options.max_iterations {
             break;
         }
+        let clumps = &mut scratch.clumps;
         let solved = smooth.correct(model, trial, weights, |i, [dv, dw]| {
             coefficients.correct(&mut linear[i], dv);
-            coefficients.correct(&mut angular[i], dw);
+            clumps.correct(model, (i, &mut angular[i]), coefficients, dw);
         });
         if !solved {
             break;
         }
         report.iterations_smooth = report.iterations_smooth.max(iteration + 1);
+        clump::turn_by_moments(on)?;
     }
-    if !report.residual_smooth.is_finite() {
-        let body = scratch.smooth.worst(model).0;
+    if !on.report.residual_smooth.is_finite() {
+        let body = on.scratch.smooth.worst(model).0;
         return Err(Failure::BlowUp(BlowUp::alone(Level::Smooth, body)));
     }
     Err(Failure::NotConverged(Level::Smooth))

@@ -3,7 +3,7 @@
 
 use super::coupling::Trial;
 use super::smooth_newton::{CoupledBodies, SmoothScratch, Weights};
-use crate::joint::Block6;
+use crate::joint::{add_block, Block6};
 use crate::model::Model;
 use crate::rows::Rows;
 use carom_solve::rows::NODE_DOF;
@@ -44,6 +44,12 @@ impl SmoothScratch {
                 };
                 let at = (NODE_DOF * k + c) as u32;
                 self.matrix.list.push((at, at, w.acceleration * mass));
+            }
+            if let Some(number) = model.as_clump(body) {
+                let mut beyond = Block6::default();
+                let tensor = model.clumps[number].inertia_beyond(trial.orientation[i]);
+                add_block(&mut beyond, 1, 1, tensor, 1.0);
+                self.add_block(k as u32, k as u32, &beyond, w.acceleration);
             }
         }
         let mut tangents = std::mem::take(&mut trial.tangents);

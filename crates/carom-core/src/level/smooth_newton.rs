@@ -394,7 +394,8 @@ impl SmoothScratch {
         }
     }
 
-    /// Solves for the velocity corrections of all spheres and adds those of the reactions; false: not factorable.
+    /// Solves for the velocity corrections of all bodies and adds those of the reactions; false: not factorable. Of a clump the angular one is that
+    /// of its angular momentum over its mean moment of inertia.
     pub fn correct(
         &mut self,
         model: &Model,
@@ -415,8 +416,8 @@ impl SmoothScratch {
             let solved = self.solve_group(model, trial, group, weights);
             if solved {
                 for (k, &body) in group.bodies.iter().enumerate() {
-                    let x = &self.solution[NODE_DOF * k..NODE_DOF * (k + 1)];
-                    apply(body as usize, halves(x));
+                    let [dv, dw] = halves(&self.solution[NODE_DOF * k..NODE_DOF * (k + 1)]);
+                    apply(body as usize, [dv, scaled(model, trial, body, dw)]);
                 }
                 let mut at = NODE_DOF * group.bodies.len();
                 for &index in &group.joints {
@@ -435,7 +436,7 @@ impl SmoothScratch {
 }
 
 /// Consistent `v-dot_0` (Algorithm 1, line 2): loads and joints at the start, without contacts.
-/// Accelerations, and the reaction of every joint: force and moment on its sphere A.
+/// Accelerations, of clumps as [`SmoothScratch::correct`] has them, and the reaction of every joint: force and moment on its sphere A.
 pub fn initial_accelerations(model: &Model, state: &State) -> (Vec<[DVec3; 2]>, Vec<[DVec3; 2]>) {
     let mut reactions = vec![[DVec3::ZERO; 2]; model.joints.len()];
     let mut accelerations = vec![[DVec3::ZERO; 2]; model.bodies()];
@@ -463,7 +464,7 @@ pub fn initial_accelerations(model: &Model, state: &State) -> (Vec<[DVec3; 2]>, 
             return (accelerations, reactions);
         }
         scratch.constrain_accelerations(model, &trial, 0.0);
-        scratch.add_acceleration(model, &accelerations);
+        scratch.add_acceleration(model, &trial, &accelerations);
         let solved = scratch.correct(model, &mut trial, weights, |i, [a, alpha]| {
             accelerations[i][0] += a;
             accelerations[i][1] += alpha;
@@ -484,12 +485,23 @@ pub fn initial_accelerations(model: &Model, state: &State) -> (Vec<[DVec3; 2]>, 
 
 impl SmoothScratch {
     /// Adds `G a` to the acceleration residual of joint rows.
-    fn add_acceleration(&mut self, model: &Model, accelerations: &[[DVec3; 2]]) {
+    fn add_acceleration(&mut self, model: &Model, trial: &Trial, accelerations: &[[DVec3; 2]]) {
+        let of_body = |body: u32| {
+            let i = body as usize;
+            let [a, alpha] = *accelerations.get(i)?;
+            let clump = model.as_clump(body).map(|number| &model.clumps[number]);
+            let turning = clump.map_or(alpha, |clump| {
+                let (q, w) = (trial.orientation[i], trial.angular_velocity[i]);
+                let moment = clump.mean_inertia() * alpha - w.cross(clump.momentum(q, w));
+                clump.turning(q, moment)
+            });
+            Some([a, turning])
+        };
         for (index, joint) in model.joints.iter().enumerate() {
             let first = self.first_row[index] as usize;
             for r in 0..joint.rows.len() {
                 for (side, body) in self.gradients[index][r].iter().zip([joint.a, joint.b]) {
-                    if let Some([a, alpha]) = accelerations.get(body as usize) {
+                    if let Some([a, alpha]) = of_body(body) {
                         self.constraint[first + r] += side[0] * a.x + side[1] * a.y + side[2] * a.z;
                         self.constraint[first + r] +=
                             side[3] * alpha.x + side[4] * alpha.y + side[5] * alpha.z;
@@ -498,6 +510,14 @@ impl SmoothScratch {
             }
         }
     }
+}
+
+/// A change of the angular velocity of a body as `correct` gives it.
+fn scaled(model: &Model, trial: &Trial, body: u32, dw: DVec3) -> DVec3 {
+    model.as_clump(body).map_or(dw, |number| {
+        let (clump, q) = (&model.clumps[number], trial.orientation[body as usize]);
+        clump.momentum(q, dw) / clump.mean_inertia()
+    })
 }
 
 /// Puts the predicted motion into `trial`.

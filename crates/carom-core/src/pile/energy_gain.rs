@@ -5,7 +5,7 @@ use super::closed_contact::{change, ClosedContact, FIXED};
 use super::roll;
 use super::velocities::Velocities;
 use crate::impact::energy::{mix, scales, Admit, ContactWork};
-use crate::impact::law::Law;
+use crate::impact::law::{returned, Law};
 use crate::model::Model;
 use crate::pile::limits::tolerance;
 use crate::pile::memory::Pile;
@@ -127,7 +127,12 @@ impl Pile {
     }
 
     /// See [`crate::impact::sequence::ImpactIsland::limits`].
-    pub(super) fn limits(&self, with: Option<&SphereSolution>, admit: Admit) -> Option<Vec<f64>> {
+    pub(super) fn limits(
+        &self,
+        model: &Model,
+        with: Option<&SphereSolution>,
+        admit: Admit,
+    ) -> Option<Vec<f64>> {
         let memory = &self.velocity;
         let (impulses, moments, corrections) = match with {
             Some(with) => (&with.impulses, &with.moments, &with.corrections),
@@ -144,6 +149,7 @@ impl Pile {
             let m = &memory.closed[slot as usize];
             let mut work = ContactWork {
                 explained: self.explained[k],
+                returned: returned(&model.laws[m.law as usize], &model.options),
                 ..ContactWork::between(m.a, m.b)
             };
             let solved = [self.impulses[k], impulses[k]].map(DVec3::from);

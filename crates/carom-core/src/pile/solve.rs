@@ -82,9 +82,13 @@ impl Pile {
             let (m, r) = (&mut memory.closed[slot as usize], DVec3::from(*r));
             let inverse = m.inverse_masses(bodies);
             let normal = r.dot(m.normal);
-            let [least, across] =
-                expansion(&model.laws[m.law as usize], normal, inverse, &model.options);
-            m.expansion = (across * (r - normal * m.normal), least);
+            let [least, across] = expansion(
+                &model.laws[m.law as usize],
+                normal,
+                inverse[0],
+                &model.options,
+            );
+            m.expansion = (across * inverse[1] * (r - normal * m.normal), least);
             expands |= least > 0.0;
         }
         self.forget_solution();

@@ -341,7 +341,7 @@ impl ImpactIsland for SphereIsland<'_, '_, '_> {
     }
 
     fn limits(&self, with: Option<&SphereSolution>, admit: Admit) -> Option<Vec<f64>> {
-        self.pile.limits(with, admit)
+        self.pile.limits(self.on.task.model, with, admit)
     }
 
     fn tolerance(&self) -> f64 {

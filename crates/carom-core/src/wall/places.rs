@@ -128,6 +128,16 @@ impl Walls {
         }
     }
 
+    /// Looks at the shapes of walls, and the periodic box, as they are at t_n.
+    pub(crate) fn at_start<R>(&mut self, look: impl FnOnce(&Walls) -> R) -> R {
+        let now = std::mem::replace(&mut self.periodic.now, self.periodic.start);
+        std::mem::swap(&mut self.start, &mut self.now);
+        let found = look(self);
+        std::mem::swap(&mut self.start, &mut self.now);
+        self.periodic.now = now;
+        found
+    }
+
     /// Puts free walls where they are, by their displacements, or back to where they were given.
     pub fn place_free(&mut self, model: &Model, displacements: Option<&[DVec3]>) {
         for (index, now) in self.now[..model.free_walls.len()].iter_mut().enumerate() {

@@ -125,6 +125,7 @@ fn loads_act_between_and_during_contacts() {
         };
         let drag = Drag {
             body: 1,
+            arm: DVec3::ZERO,
             translation: 0.3,
             rotation: 1e-4,
         };
@@ -239,6 +240,7 @@ fn stiff_loads_shorten_the_substep() {
         }),
         Arc::new(Drag {
             body: 1,
+            arm: DVec3::ZERO,
             translation: 1e4 * MASS,
             rotation: 0.0,
         }),

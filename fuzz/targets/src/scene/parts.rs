@@ -165,11 +165,13 @@ pub fn load(draw: &mut Draw, spheres: usize) -> Arc<dyn Load> {
     match draw.below(3) {
         0 => Arc::new(Applied {
             body,
+            arm: DVec3::ZERO,
             force: std::array::from_fn(|_| scalar(draw, 5.0)),
             torque: std::array::from_fn(|_| scalar(draw, 0.1)),
         }),
         1 => Arc::new(Drag {
             body,
+            arm: DVec3::ZERO,
             translation: draw.size(1.0, 3.0),
             rotation: draw.size(1e-3, 3.0),
         }),

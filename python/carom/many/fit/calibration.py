@@ -95,6 +95,8 @@ class Calibration:
                     f"parameters.{name}: count and values are of a study; leave them out of a fit"
                 )
             axes.append(axis)
+            if axis.crossed and first is not None:
+                raise CaromError(f"parameters.{name}: seeds stands alone, found start too")
             if not axis.crossed:
                 value = (
                     float(axis.at(np.array(0.5)))
@@ -165,6 +167,10 @@ class Calibration:
         ):
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise CaromError(f"search.{name}: expected a whole number from {least}, found {value!r}")
+        if self.starts > 1 and self.search != SEARCHES[0]:
+            raise CaromError(
+                f"search.starts: {self.search} has no starts; leave it out, or take kind = {SEARCHES[0]}"
+            )
         if self.points < self.first_points:
             raise CaromError(
                 f"search.points = {self.points}: {self.search} begins with {self.first_points} points; give at least those"

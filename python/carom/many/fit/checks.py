@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.errors import CaromError, ScenarioError, did_you_mean
+from carom.errors import CaromError, ScenarioError, among, did_you_mean
 from carom.many.batch_result import KINEMATICS
 from carom.many.fit.data import Target, moving
 from carom.many.sweep.study import RESERVED
@@ -59,7 +59,7 @@ def _first_of(targeting: Targets, cases: range) -> Scene | ScenarioError | None:
     errors = []
     for case in cases:
         try:
-            return targeting.of_text(case)
+            return targeting.possible(case)
         except ScenarioError as error:
             errors.append(error)
         except CaromError:  # points where it has none count as bad
@@ -81,8 +81,10 @@ def quantities(calibration: Calibration, free: bool) -> None:
     for target in calibration.targets:
         place = moving(target.quantity)
         if target.time is not None and place is not None and place[0] not in names:
+            raise CaromError(f"{target.place}: no ball is called {place[0]!r}; {among(place[0], names)}")
+        if not free and target.time is not None and target.quantity in numbers:
             raise CaromError(
-                f"{target.place}: no ball is called {place[0]!r}; {did_you_mean(place[0], names[:20])}"
+                f"{target.place}: {target.quantity} is a number of the whole run, no curve; leave time out"
             )
         if not free and target.quantity not in (*ends, *numbers) and not (target.time is not None and place):
             cure = did_you_mean(target.quantity, [*numbers, *ends[:20]])

@@ -19,7 +19,21 @@ from carom.numeric import is_finite
 from carom.result.kinematics import QUANTITIES
 from carom.run.result import Result
 
-KEYS = ("quantity", "value", "uncertainty", "time", "file", "columns", "ball", "unit", "time_unit")
+#: Keys of a target without a file, and of one with it.
+NUMBERS = ("quantity", "value", "uncertainty", "time")
+OF_FILE = ("file", "columns", "ball", "uncertainty", "time", "unit", "time_unit")
+KEYS = tuple(dict.fromkeys((*NUMBERS, *OF_FILE)))
+#: What to do with a key that the target has no use for, beside a file and without one.
+BESIDE_FILE = {
+    "quantity": 'name it in columns, as columns = { "x1" = "BALL.position.x" }',
+    "value": "leave it out, or write a target of its own for it",
+}
+WITHOUT_FILE = {
+    "columns": 'write file = "FILE.csv" as well, or leave it out',
+    "ball": 'write quantity = "BALL.position.x", or file = "FILE.csv" with columns x, y and z',
+    "unit": 'write the unit with the value, as value = "0.5 mm"',
+    "time_unit": 'write the unit with the times, as time = ["10 ms", "20 ms"]',
+}
 #: Names of the column of times, where the target names none.
 TIMES = ("time", "t")
 #: Dimension of each quantity of a ball that moves.
@@ -106,11 +120,7 @@ def _curve(result: Result, quantity: str, given: Mapping[str, Any]) -> tuple[F64
 
 def read(place: str, given: Mapping[str, Any], folder: Path) -> list[Target]:
     """The targets of one table `[[target]]`, whose file is looked for in `folder`."""
-    for key in given:
-        if key not in KEYS:
-            raise CaromError(f"{place}: unknown key {key}; {did_you_mean(key, KEYS)}")
-    if "uncertainty" not in given:
-        raise CaromError(f"{place}: uncertainty is missing; write the standard deviation of the values")
+    _fitting(place, given)
     if "file" in given:
         return _of_file(place, given, folder / str(given["file"]))
     if not isinstance(given.get("quantity"), str) or "value" not in given:
@@ -118,10 +128,36 @@ def read(place: str, given: Mapping[str, Any], folder: Path) -> list[Target]:
     quantity = given["quantity"]
     values = _si(f"{place}.value", given["value"], quantity)
     time = None if "time" not in given else _si(f"{place}.time", given["time"], None)
-    if len(values) > 1 and (time is None or len(time) != len(values)):
-        raise CaromError(f"{place}: {len(values)} values need time = [...] with as many times")
+    if len(values) != (1 if time is None else len(time)):
+        told = counted(len(values), "value") + (" needs" if len(values) == 1 else " need")
+        raise CaromError(f"{place}: {told} time = [...] with as many times")
     sigma = _si(f"{place}.uncertainty", given["uncertainty"], quantity)
     return [_target(place, quantity, values, sigma, time)]
+
+
+def _fitting(place: str, given: Mapping[str, Any]) -> None:
+    """Refuse keys that are unknown, missing, or of no use beside the others."""
+    if not isinstance(given, Mapping):
+        raise CaromError(
+            f"{place}: expected a table, found {quoted(given)}; write quantity, value, uncertainty"
+        )
+    for key in given:
+        if key not in KEYS:
+            raise CaromError(f"{place}: unknown key {key}; {did_you_mean(str(key), KEYS)}")
+    beside = "file" in given
+    for key, cure in (BESIDE_FILE if beside else WITHOUT_FILE).items():
+        if key in given:
+            raise CaromError(f"{place}: {key} does nothing {'beside' if beside else 'without'} file; {cure}")
+    if {"ball", "columns"} <= set(given):
+        raise CaromError(
+            f"{place}: ball does nothing beside columns; leave it out, or name its places in columns"
+        )
+    if beside and not isinstance(given.get("time", ""), str):
+        raise CaromError(
+            f"{place}.time: expected the name of a column, found {quoted(given['time'])}; times are those of the file"
+        )
+    if "uncertainty" not in given:
+        raise CaromError(f"{place}: uncertainty is missing; write the standard deviation of the values")
 
 
 def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
@@ -133,7 +169,11 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
     chosen = given.get("columns")
     if chosen is None and isinstance(given.get("ball"), str):
         chosen = {x: f"{given['ball']}.position.{x}" for x in "xyz" if x in table}
-    if not isinstance(chosen, Mapping) or not chosen:
+    if (
+        not isinstance(chosen, Mapping)
+        or not chosen
+        or not all(isinstance(name, str) for name in chosen.values())
+    ):
         cure = 'columns = { "x1" = "BALL.position.x" }, or ball = "BALL" for columns x, y and z'
         raise CaromError(f"{place}: {path} needs to be told what its columns are; write {cure}")
     for name in (named, *chosen):
@@ -147,10 +187,22 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
             1.0 if not unit else _factor(f"{place}: {path}, column {name}", unit, quantity)
         )
 
+    sigma = given["uncertainty"]
+    twice = next((name for name in chosen if name in (named, sigma)), None)
+    if twice is not None:
+        told = f"column {quoted(twice)} is measured, and is its own {'time' if twice == named else 'uncertainty'}"
+        raise CaromError(f"{place}: {path}: {told}; name another column")
+    own = [*chosen, *([sigma] if isinstance(sigma, str) and sigma in table else [])]
+    for key, names in (("unit", own), ("time_unit", [named])):
+        if key in given and all(table[name][1] is not None for name in names):
+            told = counted(len(names), "column")
+            raise CaromError(
+                f"{place}: {key} does nothing: headings have the units of {told} in {path}; leave it out"
+            )
     time = read_off(named, None, "time_unit")
     found = []
     for name, quantity in chosen.items():
-        sigma, here = given["uncertainty"], f"{place}: {path}, column {name}"
+        here = f"{place}: {path}, column {name}"
         if isinstance(sigma, str) and sigma in table:
             deviations = read_off(sigma, quantity, "unit")
         else:

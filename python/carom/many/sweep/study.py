@@ -8,18 +8,18 @@ import json
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, ScenarioError, among, did_you_mean
 from carom.many.batch_result import KINEMATICS
 from carom.many.sweep.design import Axis, Design, number
 from carom.many.sweep.origin import COLUMNS as ORIGIN
 from carom.many.sweep.table_file import read_table
-from carom.many.sweep.targets import Targets
+from carom.many.sweep.targets import RUN, Targets
 from carom.many.threads import ENERGIES, MONITORS
 from carom.run.result import Result
 from carom.scene.scene import Scene
@@ -65,6 +65,8 @@ class Study:
     title: str = ""
     source: str = "scenario"
     """What messages call the scenario."""
+    folder: Path | None = None
+    """Where files lie that the scenario names, such as meshes; None: in the present directory."""
     keep_runs: bool = False
     bodies: tuple[str, ...] | None = None
     """Balls whose final state is kept; None: all, unless there are more than 100."""
@@ -97,11 +99,12 @@ class Study:
         all its values. `set` says where values go: `{"cue.velocity.x": "= v*cos(aim)"}`. Without `check` what cannot be
         computed is refused later, by `study.check()`.
         """
+        folder = None
         if isinstance(scene, Scene):
             text, source = scene.to_toml(), "scene"
         else:
             path = _example_or(Path(scene))
-            text, source = _read(path), str(scene)
+            text, source, folder = _read(path), str(scene), path.absolute().parent
             Scene.from_toml(path, case=case)  # what is wrong with it is said with its lines
         columns = read_table(Path(table)).columns if isinstance(table, (str, Path)) else table
         study = cls(
@@ -116,6 +119,7 @@ class Study:
             case=case,
             title=title,
             source=source,
+            folder=folder,
             keep_runs=keep_runs,
             bodies=None if bodies is None else (bodies,) if isinstance(bodies, str) else tuple(bodies),
             measure=measure,
@@ -143,9 +147,7 @@ class Study:
             names = self.targeting.base.names
             for name in self.bodies:
                 if name not in names:
-                    raise CaromError(
-                        f"keep.bodies: no ball is called {name!r}; {did_you_mean(name, names[:20])}"
-                    )
+                    raise CaromError(f"keep.bodies: no ball is called {name!r}; {among(name, names)}")
 
     @cached_property
     def points(self) -> dict[str, F64]:
@@ -160,7 +162,7 @@ class Study:
     @cached_property
     def targeting(self) -> Targets:
         """Where the values go."""
-        return Targets.of(self.text, self.source, self.case, self.run, self.targets, self.points)
+        return Targets.of(self.text, self.source, self.folder, self.case, self.run, self.targets, self.points)
 
     @property
     def cases(self) -> int:
@@ -260,6 +262,10 @@ def named_in(path: Path) -> Iterator[None]:
     """Errors of what a file says name the file."""
     try:
         yield
+    except ScenarioError as error:
+        raise ScenarioError(
+            replace(p, where=str(path), key=f"run.{p.key}") if p.where == RUN else p for p in error.problems
+        ) from None
     except CaromError as error:
         if type(error) is not CaromError or str(path) in str(error):
             raise

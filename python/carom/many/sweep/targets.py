@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,16 @@ import numpy as np
 from carom._core import Expression, ExpressionError
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
-from carom.many.cases import Overrides
+from carom.many.cases import Overrides, refuse_numbers
 from carom.scene.scene import Scene
 from carom.scene.tables import parameters
 from carom.scene.tables.model import SINGLE
+from carom.scene.toml.load import parse
+
+#: What problems of options call their place; `named_in` puts the file of the study there.
+RUN = "options of the study"
+#: The same of options that vary from case to case.
+VARIED = "parameters of the study"
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,10 @@ class Targets:
     """The expressions of a study, by what they set. `of_file`: parameters of the scenario file."""
 
     text: str
+    source: str
+    """What messages call the text."""
+    folder: Path | None
+    """Where files lie that the text names; None: in the present directory."""
     case: str | None
     run: Mapping[str, Any]
     points: Mapping[str, F64]
@@ -43,6 +54,7 @@ class Targets:
         cls,
         text: str,
         source: str,
+        folder: Path | None,
         case: str | None,
         run: Mapping[str, Any],
         given: Mapping[str, str],
@@ -51,8 +63,11 @@ class Targets:
         """Sort the keys of `[set]`, and the parameters that need no `[set]`, by where they go."""
         known = _parameters(text)
         options = {key for name in ("run", "record") for key in SINGLE[name].model_fields}
-        base = Scene.from_toml(_as_text(text), case=case)
-        base = base.with_options(**run) if run else base
+        for key in run:
+            if key not in options:
+                raise CaromError(f"run.{key}: unknown key; {_cure(key, known, source)}")
+        base = Scene._of(*parse(text, source, case, None, folder))
+        base = base.overridden(run, dict.fromkeys(run, RUN)) if run else base
         used = {name for expression in given.values() for name in _variables(expression, points)}
         goes = {name for name in points if name in known or _option(name, options) or _is_array(name)}
         for name in points:
@@ -67,7 +82,7 @@ class Targets:
         for key, expression in {**rest, **given}.items():
             kind = 0 if key in known else 1 if _option(key, options) else 2
             sorted_[kind][key.removeprefix("run.").removeprefix("record.") if kind == 1 else key] = expression
-        return cls(text, case, run, points, base, *sorted_)
+        return cls(text, source, folder, case, run, points, base, *sorted_)
 
     @property
     def expressions(self) -> dict[str, dict[str, str]]:
@@ -121,19 +136,31 @@ class Targets:
             scene = Overrides(scene, self.values(self.of_arrays, range(case, case + 1))).scene(0)
         return scene
 
+    def possible(self, case: int) -> Scene:
+        """The scene of a case as `of_text` makes it; refuses what `of_arrays` sets to where no scenario may be."""
+        scene, one = self.of_text(case), range(case, case + 1)
+        refuse_numbers(
+            scene, {key: float(values[0]) for key, values in self.values(self.of_arrays, one).items()}
+        )
+        return scene
+
     def of_text(self, case: int) -> Scene:
         """The scene of a case without what `of_arrays` sets: no ball needs to be placed for it."""
         if self.fast:
             return self.base
         one = range(case, case + 1)
         parameters = {key: float(values[0]) for key, values in self.values(self.of_file, one).items()}
-        scene = Scene.from_toml(_as_text(self.text), case=self.case, parameters=parameters)
-        options = {**self.run, **{k: _whole(float(v[0])) for k, v in self.values(self.of_run, one).items()}}
-        return scene.with_options(**options) if options else scene
+        scene = Scene._of(*parse(self.text, self.source, self.case, parameters, self.folder))
+        varied = {k: _whole(float(v[0])) for k, v in self.values(self.of_run, one).items()}
+        places = {**dict.fromkeys(self.run, RUN), **dict.fromkeys(varied, VARIED)}
+        return scene.overridden({**self.run, **varied}, places) if places else scene
 
 
-def _as_text(text: str) -> str:
-    return text if "\n" in text else text + "\n"
+def _cure(key: str, parameters: list[str], source: str) -> str:
+    """What to do with a key of no option below `[run]`."""
+    if key in parameters:
+        return f"it is a parameter of {source}: write it below [set], or below [parameters] if it varies"
+    return did_you_mean(key, [*SINGLE["run"].model_fields, *SINGLE["record"].model_fields])
 
 
 def _parameters(text: str) -> list[str]:

@@ -41,7 +41,7 @@ def check_names(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
     known = set(bodies.names)
     walls = {wall.name: wall for wall in parts.walls()}
-    clumps = {clump.name: clump for _, clump in parts.tables(Clump)}
+    clumps = {clump.name: clump.ball_names() for _, clump in parts.tables(Clump)}
     wrong = 0
     for name, section, index, key, ground_admitted in references(parts.entries):
         cause = cure = ""
@@ -53,17 +53,14 @@ def check_names(parts: Parts) -> Iterator[Finding]:
                 )
         elif name not in known:
             if name in walls:
-                what = "joints act" if section == "joint" else f"a {section} acts"
-                cause = f"{quoted(name)} is a {walls[name].section.replace('_', ' ')}, and {what} on spheres"
+                what = walls[name].section.replace("_", " ")
+                cause = f"{quoted(name)} is a {what}, and {_acts(section)} on spheres"
                 wall = walls[name]
                 stands = ground_admitted and wall.motion is None and wall.free is None
                 cure = 'planes never move: write "ground"' if stands else _known(name, bodies)
             elif name in clumps:
-                what = "joints act" if section == "joint" else f"a {section} acts"
-                cause = f"{quoted(name)} is a clump, and {what} on its balls"
-                balls = clumps[name].ball_names()
-                others = f" to {quoted(balls[-1])}" if len(balls) > 1 else ""
-                cure = f"name one: {quoted(balls[0])}{others}"
+                cause = f"{quoted(name)} is a clump, and {_acts(section)} on spheres"
+                cure = f"its balls are {clumps[name][0]} to {clumps[name][-1]}"
             elif name == GROUND:
                 cause = f"{quoted(name)} is no sphere"
                 cure = (
@@ -80,6 +77,10 @@ def check_names(parts: Parts) -> Iterator[Finding]:
     if ALL in known and of_all:
         cause = 'a sphere is called "all", which here means every sphere'
         yield Finding(("drag", of_all[0], "on"), cause, "rename the sphere")
+
+
+def _acts(section: str) -> str:
+    return "joints act" if section == "joint" else f"a {section} acts"
 
 
 def _known(name: str, bodies: Bodies, ground: bool = False) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from carom.scene.assembly.areas import area
 from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot, norm
+from carom.scene.checks.turning_walls import lever
 from carom.scene.checks.walls import called
 from carom.scene.messages import Finding
 from carom.scene.tables.joints import Joint
@@ -110,14 +111,19 @@ def _advise_breaks(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findi
 
 
 def _advise_travel(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Finding]:
+    """By translation, and by turning at the point that is moved most of all that the table stands for."""
     run, bodies = parts.run, parts.bodies()
-    if motion.translation is None:
+    if not motion.moves_shape:
         return
     times = parts.times()
     path = (wall.section, wall.index, "motion")
-    here = np.array([[value_at(law, t) for law in motion.translation] for t in times])
-    there = np.array([[value_at(law, t + run.step) for law in motion.translation] for t in times])
+    laws = [law for law, _ in _laws(motion)]
+    here = np.array([[value_at(law, t) for law in laws] for t in times])
+    there = np.array([[value_at(law, t + run.step) for law in laws] for t in times])
     moves = np.abs(np.nan_to_num(there) - here)
+    if motion.rotation is not None:  # from an angle to a way
+        of_table = (piece for piece in parts.walls() if (piece.section, piece.index) == path[:2])
+        moves[:, -1] *= max(lever(piece, motion.rotation) for piece in of_table)
     fastest = float(moves.max()) / run.step
     if fastest > FASTEST:
         cause = f"{called(wall)} reaches {fastest:.2g} m/s, more than the {FASTEST:g} m/s of any run"
@@ -125,7 +131,9 @@ def _advise_travel(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findi
             path, cause, "the run would stop there: check the law and its units (t is in s, lengths in m)"
         )
         return
-    travel = float(np.linalg.norm(moves, axis=1).max()) / float(bodies.radius.min())
+    slides = 0 if motion.translation is None else 3
+    way = np.linalg.norm(moves[:, :slides], axis=1) + moves[:, slides:].sum(axis=1)
+    travel = float(way.max()) / float(bodies.radius.min())
     yield from _advise_way(path, wall, run.step, travel, run.step * WALL_TRAVEL / max(travel, WALL_TRAVEL))
 
 

@@ -1,6 +1,8 @@
 //! Work of an island's contacts and joints ([`crate::impact::energy`]).
 
+use crate::contact::Contact;
 use crate::impact::energy::{mix, scales, Admit, ContactWork};
+use crate::impact::law::returned;
 use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
 use carom_solve::rows::{RowContact, NODE_DOF};
@@ -108,7 +110,7 @@ impl ImpactScratch {
     /// See [`crate::impact::sequence::ImpactIsland::limits`].
     pub(in crate::impact) fn limits(
         &self,
-        model: &Model,
+        (model, contacts): (&Model, &[Contact]),
         with: Option<&RowSolution>,
         admit: Admit,
     ) -> Option<Vec<f64>> {
@@ -144,9 +146,14 @@ impl ImpactScratch {
                 let had_any = had(0) > 0.0 || (anew && self.impulse[row(0)] > 0.0);
                 let any = pressed(&self.lambda) || pressed(lambda) || had_any;
                 let of_residual = self.explained.get(position).copied().unwrap_or(0.0);
+                let of_contact = self
+                    .members
+                    .get(slot)
+                    .map(|&m| contacts[m as usize].law(model));
                 let mut work = ContactWork {
                     is_pressed: c.bilateral || any,
                     explained: of_residual,
+                    returned: of_contact.map_or(0.0, |law| returned(law, &model.options)),
                     ..ContactWork::between(c.node_a, c.node_b)
                 };
                 let wall = self.wall_measures(full);

@@ -1,5 +1,6 @@
 //! Solves an impact problem, as it is stated for its chosen contacts.
 
+use crate::clump::places::Clumps;
 use crate::contact::Contact;
 use crate::impact::compliant::{impulses, spring};
 use crate::impact::coupled::CoupledVelocities;
@@ -75,12 +76,15 @@ impl ImpactScratch {
         for (&slot, c) in self.chosen.iter().zip(&self.sub.contacts) {
             let material = on.scratch.contacts[self.members[slot] as usize].law(model);
             let (from, to) = (c.row as usize, self.full.contacts[slot].row as usize);
-            let slides = c.bounds.sliding > 0.0;
-            let inverse = [0, usize::from(slides)].map(|r| self.sub.diag[from + r]);
+            let inverse = self.sub.diag[from];
             let [least, across] = expansion(material, self.lambda[from], inverse, &model.options);
             self.expansion[to] = least;
-            for r in 1..if slides { 3 } else { 1 } {
-                self.expansion[to + r] = across * self.lambda[from + r];
+            if c.bounds.sliding > 0.0 {
+                // A clump resists differently along both tangents, and not along each by itself.
+                let [w1, w12, w2] = self.sub.inverse_masses(c, [from + 1, from + 2]);
+                let [l1, l2] = [self.lambda[from + 1], self.lambda[from + 2]];
+                self.expansion[to + 1] = across * (w1 * l1 + w12 * l2);
+                self.expansion[to + 2] = across * (w12 * l1 + w2 * l2);
             }
             expands |= least > 0.0;
         }
@@ -374,7 +378,9 @@ impl ImpactScratch {
             let mut problem = Measured(&self.measured);
             newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         } else {
-            let mut problem = self.velocities(model, &solve.bodies, &solve.node_of, trial);
+            let clumps = on.scratch.clumps;
+            let mut problem =
+                self.velocities((model, clumps), &solve.bodies, &solve.node_of, trial);
             newton.solve(&mut sub, &mut problem, &options, &mut lambda, &mut u)
         };
         (self.sub, self.lambda, self.u) = (sub, lambda, u);
@@ -408,8 +414,13 @@ impl ImpactScratch {
             Measured(&self.measured).write(&system, &correction, &mut measures);
         } else {
             let solve = &*scratch.solve;
-            self.velocities(model, &solve.bodies, &solve.node_of, scratch.trial)
-                .evaluate(&mut system, &correction, &mut measures);
+            self.velocities(
+                (model, scratch.clumps),
+                &solve.bodies,
+                &solve.node_of,
+                scratch.trial,
+            )
+            .evaluate(&mut system, &correction, &mut measures);
         }
         scratch.keeper.keep(&Solve {
             model,
@@ -433,13 +444,14 @@ impl ImpactScratch {
     /// The problem at hand where loads depend on the velocities.
     fn velocities<'a>(
         &'a self,
-        model: &'a Model,
+        (model, clumps): (&'a Model, &'a Clumps),
         bodies: &'a [u32],
         node_of: &'a [u32],
         trial: &'a mut Trial,
     ) -> CoupledVelocities<'a> {
         CoupledVelocities {
             model,
+            clumps,
             loads: &self.loads,
             bodies,
             node_of,

@@ -1,0 +1,24 @@
+"""The auditor on runs of Moreau-Jean with the projection of positions."""
+
+from __future__ import annotations
+
+import carom
+import pytest
+
+pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+
+
+def test_the_projection_meets_pairs_that_are_no_candidates() -> None:
+    """Balls that overlap at the end of a step of whose middle they do not: it solves positions of no candidate."""
+    scene = carom.Scene(gravity=(0, 0, -9.8), run={"until": 0.04, "step": 1e-3, "method": "moreau"})
+    scene.run.position_projection = True
+    scene.contact("m", "m", friction=0.2, restitution=0.7)
+    scene.plane("floor", point=(0, 0, 0), normal=(0.1, 0, 1), material="m")
+    scene.sphere("a", radius=0.01, mass=0.01, material="m", position=(0, 0, 0.02), velocity=(0.1, 0, -0.5))
+    scene.sphere("b", radius=0.01, mass=0.01, material="m", position=(0.05, 0, 0.03), velocity=(-0.9, 0, 0))
+    result = carom.simulate(scene, every=1)
+    steps, solved = result.steps, result.residuals
+    position = solved["level"] == 1
+    assert (solved["contacts"][position] > steps["candidates"][solved["step"][position] - 1]).any()
+    report = carom.audit.check(result)
+    assert report.ok, report
