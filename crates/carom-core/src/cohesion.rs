@@ -14,7 +14,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::method::Step;
 use crate::stepper::Span;
-use crate::wall::places::{displacement, proximity_at, Walls};
+use crate::wall::places::{proximity_at, Walls};
 use glam::{DVec3, IVec3};
 
 /// Share (1) of a way that its own change of the attraction takes, above which a step is too long to tell that way. Above 1 there is none.
@@ -244,7 +244,12 @@ pub(crate) fn of_driven(
     for (c, impulse) in pulls {
         let a = c.a as usize;
         if c.meets_wall(model) {
-            pull_wall(model, position, walls, (c, *impulse), out);
+            // Along the normal half-way, and there.
+            let then = Contact { n0: c.n1, ..*c };
+            let [_, lever] = walls.levers(model, &then, &state.position, position);
+            let on_wall = &mut out[model.wall(c.b).given as usize];
+            on_wall[0] -= *impulse;
+            on_wall[1] -= lever.cross(*impulse);
         }
         let start = walls.start_twist(model, c, state.position[a]);
         if let Some((start, end)) = start.zip(walls.end_twist(model, c, position[a])) {
@@ -252,22 +257,6 @@ pub(crate) fn of_driven(
         }
     }
     work
-}
-
-/// The same for one wall.
-fn pull_wall(
-    model: &Model,
-    position: &[DVec3],
-    walls: &Walls,
-    (c, impulse): (&Contact, DVec3),
-    out: &mut [[DVec3; 2]],
-) {
-    let a = c.a as usize;
-    let x = position[a] - displacement(position, c.b);
-    let from_point = walls.periodic.now.nearest(x - walls.point(model, c.b));
-    let on_wall = &mut out[model.wall(c.b).given as usize];
-    on_wall[0] -= impulse;
-    on_wall[1] -= (from_point - model.radius[a] * c.n1).cross(impulse);
 }
 
 /// Potential energy of all pairs at a position, walls where they are now, J. The list of pairs reaches as far as cohesion does.

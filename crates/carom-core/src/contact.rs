@@ -164,6 +164,12 @@ impl Contact {
         middle
     }
 
+    /// World vector of the impulse of the loads, which acts half-way between both ends of the step.
+    pub fn impulse_of_loads(&self) -> DVec3 {
+        let middle = self.middle();
+        middle.to_world(middle.n1, &self.load).impulse
+    }
+
     /// World vectors of all impulses of the step, and the part along the normal.
     pub fn impulse(&self) -> (WorldImpulse, DVec3) {
         let whole = self.to_world(self.n1, &self.lambda);

@@ -73,10 +73,9 @@ def _impacts(run: Run, tally: Tally) -> None:
     # Where no sequence was cut there is none.
     uncut = s["truncated"][step[ended] - 1] == 0
     tally.measure("counts", uncut, 0.0, lambda i: run.step_place(int(step[ended[i]])))
-    most = run.impact_law.problems or np.inf
-    if run.impact_law.restitution == "energetic":  # one that was cut goes on by Newton's sequence
-        most = np.where(s["truncated"] > 0, np.inf, most)
-    most = np.minimum(s["impact_problems"], most)
+    # One through springs that was cut goes on by Newton's sequence.
+    unbounded = (s["truncated"] > 0) & (run.impact_law.restitution == "energetic")
+    most = np.minimum(s["impact_problems"], np.where(unbounded, np.inf, run.impact_law.problems or np.inf))
     beyond = np.maximum(0, highest - most)
     tally.measure("counts", beyond, 0.0, lambda i: run.step_place(i + 1))
     # Sub-steps that are given up and made anew may have scaled more than those that count.

@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, carried, forces, recorded, rigid
+from carom.audit import answers, carried, forces, loads_once, recorded, rigid
 from carom.audit.block import Block
 from carom.audit.cohesion import pulls
 from carom.audit.cones import PARTS
@@ -37,6 +37,7 @@ from carom.audit.vectors import (
     norm,
     product,
     rotation_vector,
+    unit,
 )
 from carom.audit.wrenches import groups, memory
 
@@ -309,13 +310,13 @@ def walls(block: Block, tally: Tally) -> None:
 
 
 def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
-    """Moments about the places of the walls at the frame, of contacts that act at their last place: after one step alone.
+    """Moments about the places of the walls, after one step alone: impacts act at its end, loads half-way through it.
 
-    Those of Moreau-Jean act where its step has them, between the frames.
+    So does all that Moreau-Jean has. Where impacts are not on record, either may be the lever.
     """
     run, c = block.run, block.rows
-    judged = block.single & block.kept & (run.method == "nsga")
-    if run.method == "nsga":
+    judged = block.single & block.kept & (run.method in ("nsga", "moreau"))
+    if run.method in ("nsga", "moreau"):
         block.skip(tally, "wall moment", PARTS, np.flatnonzero(~judged))
     else:
         tally.skip("wall moment", f"contacts move within the step of {run.method}", "use nsga", block.count)
@@ -323,40 +324,53 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     judged = np.repeat(judged[:, None], given.shape[1], axis=1)
     gone = ~block.there[k, a]  # whose place is not known
     judged[k[gone], b[gone]] = False
-    lever = np.zeros((len(k), 3))
+    centre, back = (np.zeros((len(k), 3)) for _ in range(2))
     for w in range(given.shape[1]):
         mine = np.flatnonzero(b == w)
-        x, place = block.x1[k[mine], a[mine]], _place_of(block, w, k[mine])
-        lever[mine] = run.between(block.t1[k[mine]], x, place)
-    lever = lever - run.radius[a][:, None] * c.normal[rows]
+        centre[mine], back[mine] = _levers(block, w, k[mine], a[mine])
+    r, impulse, normal = run.radius[a][:, None], c.impulse[rows], c.normal[rows]
+    first = normal if run.method == "moreau" else loads_once.firsts(block)[rows]
+    lever, half_way = centre - r * normal, centre - back - r * unit(first + normal)
+    loads = impulse if run.method == "moreau" else loads_once.of_loads(block).remained[rows]
     summed, size = np.zeros((*given.shape[:2], 3)), np.zeros(given.shape[:2])
-    add_at(summed, (k, b), -cross(lever, c.impulse[rows]) - c.moment[rows])
+    add_at(summed, (k, b), -cross(half_way, loads) - cross(lever, impulse - loads) - c.moment[rows])
     extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
-    add_at(size, (k, b), extent * norm(c.impulse[rows]) + norm(c.moment[rows]))
+    add_at(size, (k, b), extent * norm(impulse) + norm(c.moment[rows]))
+    slack = np.zeros(given.shape[:2])
+    if run.method == "nsga" and not run.has_impacts:
+        hit = block.over(run.steps["impact_problems"])[k] > 0
+        add_at(slack, (k, b), np.where(hit, norm(half_way - lever) * norm(impulse), 0.0))
     if run.cohesive:
         _pulled_moments(block, summed, size)
-    value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size
+    value, bound = norm(given[..., 3:] - summed), 64.0 * EPS * size + slack
     tally.measure("wall moment", value, bound, block.per_wall, judged)
 
 
-def _place_of(block: Block, w: int, k: I64) -> F64:
-    """(K, 3) where the point of given wall `w` is at the second frames of the intervals `k`."""
+def _levers(block: Block, w: int, k: I64, a: I64) -> tuple[F64, F64]:
+    """(K, 3) from the point of given wall `w` to centres at the second frames of the intervals `k`, and half of what led there."""
     run, free = block.run, len(block.run.free_walls)
-    if w < free:
-        return np.asarray(run.free_walls[w].point + block.x1[k, run.balls + w])
-    return run.walls[w - free].place(block.t1[k])
+
+    def place(t: F64, x: F64) -> F64:
+        if w < free:
+            return np.asarray(run.free_walls[w].point + x[k, run.balls + w])
+        return run.walls[w - free].place(t[k])
+
+    start, end = place(block.t0, block.x0), place(block.t1, block.x1)
+    centre = run.between(block.t1[k], block.x1[k, a], end)
+    way = (block.x1[k, a] - block.x0[k, a]) - (end - start)
+    return centre, np.asarray(0.5 * way)
 
 
 def _pulled_moments(block: Block, summed: F64, size: F64) -> None:
-    """Adds the moments of cohesion on walls, and their sizes: as those of contacts, at the end."""
+    """Adds the moments of cohesion on walls, and their sizes: as those of loads, half-way."""
     run, (pairs, along, impulse, slack) = block.run, pulls(block)
     number = np.where(pairs.b >= run.balls, run.wall_number(pairs.b), -1)
     for w in range(summed.shape[1]):
         mine = np.flatnonzero(number == w)
         k, a = pairs.k[mine], pairs.a[mine]
-        x, place = block.x1[k, a], _place_of(block, w, k)
-        lever = run.between(block.t1[k], x, place) - run.radius[a][:, None] * along[mine]
-        extent = norm(lever) + norm(x) + run.radius[a]
+        centre, back = _levers(block, w, k, a)
+        lever = centre - back - run.radius[a][:, None] * along[mine]
+        extent = norm(lever) + norm(block.x1[k, a]) + run.radius[a]
         at = (k, np.full(len(mine), w))
         add_at(summed, at, -cross(lever, impulse[mine]))
         add_at(size, at, extent * (norm(impulse[mine]) + slack[mine] / EPS))

@@ -4,6 +4,7 @@ use crate::contact::Contact;
 use crate::deformation::course::BoxCourse;
 use crate::force::LoadError;
 use crate::model::Model;
+use crate::options::Method;
 use crate::outcome::{within_bounds, FASTEST};
 use crate::state::State;
 use crate::stepper::Span;
@@ -312,8 +313,39 @@ impl Walls {
         }
     }
 
+    /// The same at t_n.
+    fn point_at_start(&self, model: &Model, b: u32) -> DVec3 {
+        let mesh = (model.mesh_of(b)).zip(model.wall(b).motion.as_ref());
+        match mesh {
+            Some((mesh, motion)) => motion.at(self.span.start).0.point(mesh.point),
+            None if model.mesh_of(b).is_some() => self.point(model, b),
+            None => self.start[b as usize - model.first_wall()].place(),
+        }
+    }
+
+    /// Levers of a contact with a wall from the place of this, at the end of the step and half-way through it, m.
+    pub(crate) fn levers(
+        &self,
+        model: &Model,
+        c: &Contact,
+        from: &[DVec3],
+        to: &[DVec3],
+    ) -> [DVec3; 2] {
+        let (a, radius) = (c.a as usize, model.radius[c.a as usize]);
+        let (start, end) = (self.point_at_start(model, c.b), self.point(model, c.b));
+        let from = from[a] - displacement(from, c.b) - start;
+        let to = to[a] - displacement(to, c.b) - end;
+        let centre = self.periodic.now.nearest(to);
+        let half_way = centre - 0.5 * (to - from);
+        [
+            centre - radius * c.n1,
+            half_way - radius * c.middle_normal(),
+        ]
+    }
+
     /// Impulse on every wall and its moment about the wall's place, added to `out`; returns the work of moving walls, J:
-    /// impulse times the mean of the wall's velocities at both ends of the step.
+    /// impulse times the mean of the wall's velocities at both ends of the step. Impacts act at the end of a step, loads and all that Moreau-Jean has
+    /// half-way through it: with levers of the end they would turn what they only press.
     pub fn collect(
         &self,
         model: &Model,
@@ -330,11 +362,15 @@ impl Walls {
             let i = c.a as usize;
             let (on_ball, normal) = c.impulse();
             let x = position[i] - displacement(position, c.b);
-            let from_point = self.periodic.now.nearest(x - self.point(model, c.b));
-            let lever = from_point - model.radius[i] * c.n1;
+            let [at_end, half_way] = self.levers(model, c, &state.position, position);
+            let then = match model.options.method {
+                Method::MoreauJean => on_ball.impulse,
+                _ => c.impulse_of_loads(),
+            };
+            let turned = at_end.cross(on_ball.impulse - then) + half_way.cross(then);
             let on_wall = &mut out[model.wall(c.b).given as usize];
             on_wall[0] -= on_ball.impulse;
-            on_wall[1] -= lever.cross(on_ball.impulse) + on_ball.moment;
+            on_wall[1] -= turned + on_ball.moment;
             let start = self.start_twist(model, c, state.position[i]);
             if let (Some(start), Some(end)) = (start, self.end_twist(model, c, x)) {
                 let mean = start.mean(&end);
