@@ -10,27 +10,23 @@ as one body, which its first ball stands for (`Run.node`), at the places of the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import forces, free_turns, hits
+from carom.audit import forces, free_turns, gradients, hits
 from carom.audit.block import Block, Rows, once
 from carom.audit.corrections import swing
 from carom.audit.data import Run
+from carom.audit.gradients import Places
 from carom.audit.loads import of_loads
 from carom.audit.reactions import LARGEST
 from carom.audit.report import Tally
-from carom.audit.vectors import add_at, conjugate, cross, exponential, product, rotated, unit
+from carom.audit.vectors import add_at, cross, exponential, product, rotated
 from carom.audit.wrenches import groups as joined
 from carom.audit.wrenches import pulled_from, remembered
 
-Places = tuple[F64, F64]
-"""Centres (A, N, 3) and orientations (A, N, 4)."""
-
-#: Singular values of rows, over the largest: below these rows repeat one another, and in between nobody can tell.
-SAME, UNSURE = 1e-10, 1e-6
 #: How much a contact gives way with its joints, over what it does without, below which they hold nearly the same motion.
 REPEATED = 1e-3
 
@@ -161,10 +157,12 @@ def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
     for names, joints in joined(run):
         bodies = np.array(names, dtype=np.int64)
         mine, places = np.ix_(single, bodies), (block.x1[single], block.q1[single])
-        answer, _ = _at(run, bodies, places, answering=False)
+        answer, _ = gradients.answer(run, bodies, places, answering=False)
         inert = np.stack([run.heavy[bodies], run.node_inertia[bodies]], axis=1)
-        most = np.stack([run.heavy[bodies], _largest(run)[bodies]], axis=1)
-        given = np.einsum("aij,aj->ai", _inert(run, bodies, places), off[mine].reshape(len(single), -1))
+        most = np.stack([run.heavy[bodies], gradients.largest(run)[bodies]], axis=1)
+        given = np.einsum(
+            "aij,aj->ai", gradients.inert(run, bodies, places), off[mine].reshape(len(single), -1)
+        )
         off[mine] = np.einsum("aij,aj->ai", answer, given).reshape(len(single), -1, 6)
         # Also by what contacts move the bodies at the position level.
         pushed = forces.of_contacts(block).shift_size[:, bodies] / np.sqrt(run.mass[bodies])
@@ -219,12 +217,12 @@ def _repeated(block: Block, group: Group) -> I64:
     for body, sign in ((c.a[mine], 1.0), (c.b[mine], -1.0)):
         at = np.searchsorted(bodies, run.node[body])
         parts[each, at, :3] = sign * c.normal[mine]
-        parts[each, at, 3:] = sign * cross(_from_nodes(run, body, places[1]), c.normal[mine])
+        parts[each, at, 3:] = sign * cross(gradients.from_nodes(run, body, places[1]), c.normal[mine])
         alone += free_turns.inverse_mass(block, c.k[mine], body, c.normal[mine])
     row = parts.reshape(len(mine), 6 * len(bodies))
     if not len(mine):
         return mine
-    held, _ = _at(run, bodies, places, answering=False)
+    held, _ = gradients.answer(run, bodies, places, answering=False)
     gives = np.einsum("ki,kij,kj->k", row, held, row)
     return np.unique(group.slot[c.k[mine]][gives < REPEATED * alone])
 
@@ -243,18 +241,10 @@ def _met(block: Block) -> Bool:
     return found
 
 
-def _dampers(run: Run) -> list[dict[str, Any]]:
-    return [load for load in run.loads if load["kind"] == "spring" and load["damping"] > 0.0]
-
-
-def _drags(run: Run) -> list[dict[str, Any]]:
-    return [load for load in run.loads if load["kind"] == "drag"]
-
-
 def _answering(run: Run) -> Iterator[I64]:
     """The bodies of each group."""
-    held = {int(one[side]) for one in (*run.joints, *_dampers(run)) for side in "ab"} - {-1}
-    held |= {int(load["body"]) for load in _drags(run)}
+    held = {int(one[side]) for one in (*run.joints, *gradients.dampers(run)) for side in "ab"} - {-1}
+    held |= {int(load["body"]) for load in gradients.drags(run)}
     bodies = np.unique(run.node[sorted(held)])
     for number in np.unique(run.linked[bodies]):
         yield bodies[run.linked[bodies] == number]
@@ -265,7 +255,7 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
     run = block.run
     ends: list[Places] = [(x[active], q[active]) for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
     if run.method != "moreau":
-        return _at(run, bodies, ends[1])
+        return gradients.answer(run, bodies, ends[1])
     # Moreau-Jean asks where the smooth motion ends. Its velocities are those of the loads, held by the joints there.
     given, theta = of_loads(block), float(run.options["theta"])
     old, new = (
@@ -280,127 +270,9 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
         x, q = ends[0][0].copy(), ends[0][1].copy()
         x[:, bodies] += mean[..., :3] + given.shift[active][:, bodies, :3]
         q[:, bodies] = product(exponential(mean[..., 3:]), q[:, bodies])
-        found = _at(run, bodies, (x, q))
+        found = gradients.answer(run, bodies, (x, q))
         # Springs are taken there too, not at the places of the frame.
         there = theta * run.h * pulled_from(block, active, (x, q))[:, bodies] / inert
         apart = (inert * (new - old - pushed - there)).reshape(len(active), -1)
         smooth = new - np.einsum("aij,aj->ai", found[0], apart).reshape(new.shape)
     return found
-
-
-def _at(run: Run, bodies: I64, places: Places, *, answering: bool = True) -> tuple[F64, Bool]:
-    """`_answers` at some places, of joints alone without `answering` loads."""
-    rows, damped = _placed(run, bodies, places, answering=answering)
-    weight = run.h * (float(run.options["theta"]) if run.method == "moreau" else 1.0)
-    matrix = _inert(run, bodies, places)
-    for load in _drags(run) if answering else ():
-        if load["body"] in bodies and not run.in_clump[load["body"]]:
-            at = 6 * int(np.searchsorted(bodies, load["body"])) + np.arange(6)
-            matrix[:, at, at] += weight * np.repeat([load["translation"], load["rotation"]], 3)
-    matrix = matrix + weight * np.einsum("ari,arj->aij", damped, damped)
-    inverse = np.linalg.inv(matrix)
-    if not rows.shape[1]:
-        return inverse, np.zeros(len(rows), dtype=bool)
-    root = np.linalg.cholesky(inverse)
-    seen = rows @ root
-    seen = seen / np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
-    _, values, along = np.linalg.svd(seen, full_matrices=False)
-    shares = values / values.max(axis=1, keepdims=True)
-    held = along * (shares > SAME)[:, :, None]
-    unsure = ((shares > SAME) & (shares < UNSURE)).any(axis=1)
-    return inverse - root @ (held.transpose(0, 2, 1) @ held) @ root.transpose(0, 2, 1), unsure
-
-
-def _largest(run: Run) -> F64:
-    """(N,) largest moments of inertia of nodes, kg m^2."""
-    found = run.node_inertia.copy()
-    found[run.clumps.first] = run.clumps.most
-    return found
-
-
-def _inert(run: Run, bodies: I64, places: Places) -> F64:
-    """(A, 6n, 6n) masses and tensors of inertia of nodes at some places."""
-    alone = np.repeat(np.stack([run.heavy[bodies], run.node_inertia[bodies]], axis=1), 3, axis=1).ravel()
-    found = np.tile(np.diag(alone), (len(places[0]), 1, 1))
-    for k, body in enumerate(bodies.tolist()):
-        if run.in_clump[body]:
-            axes = np.stack([rotated(_turns(run, body, places[1]), axis) for axis in np.eye(3)], axis=-1)
-            at = slice(6 * k + 3, 6 * k + 6)
-            moments = run.clumps.inertia[run.clump_of[body]]
-            found[:, at, at] = np.einsum("aik,k,ajk->aij", axes, moments, axes)
-    return found
-
-
-def _turns(run: Run, body: int, q: F64) -> F64:
-    """(A, 4) orientations of the clump of a ball, of those of all bodies (A, N, 4)."""
-    turned = run.clumps.turned[np.searchsorted(run.clumps.balls, body)]
-    return product(q[:, body], conjugate(turned))
-
-
-def _from_nodes(run: Run, body: I64, q: F64) -> F64:
-    """(A, 3) centres of bodies (A,) from those of their nodes, m; `q` are the orientations of all (A, N, 4)."""
-    found = np.zeros((len(q), 3))
-    mine = np.flatnonzero(run.clump_of[body] >= 0)
-    for ball in np.unique(body[mine]).tolist():
-        rows = mine[body[mine] == ball]
-        found[rows] = rotated(_turns(run, ball, q[rows]), run.clumps.offsets[ball])
-    return found
-
-
-def _placed(run: Run, bodies: I64, places: Places, *, answering: bool = True) -> tuple[F64, F64]:
-    """Gradients (A, rows, 6n) of the joints of a group, and of its dampers times the roots of their coefficients."""
-    held = [
-        _gradient(run, row[:2], (joint["a"], row[2]), (joint["b"], row[3]), bodies, places)
-        for joint in run.joints
-        if run.node[joint["a"]] in bodies
-        for row in joint["rows"]
-    ]
-    damped = [
-        np.sqrt(load["damping"])
-        * _gradient(
-            run, ("distance", None), (load["a"], load["arm_a"]), (load["b"], load["arm_b"]), bodies, places
-        )
-        for load in _dampers(run)
-        if answering and run.node[load["a"]] in bodies
-    ]
-    for load in _drags(run) if answering else ():
-        if run.in_clump[load["body"]] and run.node[load["body"]] in bodies:
-            damped += _dragged(run, load, bodies, places)
-    none = np.zeros((len(places[0]), 0, 6 * len(bodies)))
-    return tuple(np.stack(g, axis=1) if g else none for g in (held, damped))  # type: ignore[return-value]
-
-
-def _dragged(run: Run, load: dict[str, Any], bodies: I64, places: Places) -> list[F64]:
-    """Gradients (A, 6n) of the velocity and angular velocity of a ball of a clump, times the roots of its drag."""
-    ground = (-1, np.zeros(3))
-    return [
-        np.sqrt(load[key]) * _gradient(run, (kind, axis), (load["body"], np.zeros(3)), ground, bodies, places)
-        for kind, key in (("point", "translation"), ("rotation", "rotation"))
-        for axis in np.eye(3)
-    ]
-
-
-def _gradient(
-    run: Run, row: tuple[str, Any], a: tuple[int, Any], b: tuple[int, Any], bodies: I64, places: Places
-) -> F64:
-    """(A, 6n) `[d, R s_A x d, -d, -R s_B x d]` of a point or distance, `[0, e, 0, -e]` of a rotation."""
-    x, q = places
-    kind, direction = row
-    levers, at = [], []
-    for body, arm in (a, b):
-        given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (len(x), 3))
-        levers.append(rotated(q[:, body], given) if body >= 0 else np.zeros_like(given))
-        at.append(x[:, body] + levers[-1] if body >= 0 else given)
-    d = (
-        unit(at[0] - at[1])
-        if kind == "distance"
-        else np.broadcast_to(np.asarray(direction, dtype=np.float64), (len(x), 3))
-    )
-    found = np.zeros((len(x), len(bodies), 6))
-    for (body, _), lever, sign in zip((a, b), levers, (1.0, -1.0), strict=True):
-        if body >= 0:
-            mine = np.searchsorted(bodies, run.node[body])
-            lever = lever + _from_nodes(run, np.full(len(x), body), q)
-            found[:, mine, 3:] += sign * (d if kind == "rotation" else cross(lever, d))
-            found[:, mine, :3] += sign * (0.0 if kind == "rotation" else d)
-    return found.reshape(len(x), 6 * len(bodies))
