@@ -1,5 +1,5 @@
 """Random scenes for the auditor: clumps of one to five balls beside free balls, on a floor and between walls, some of
-which leave, or enter.
+which leave, or enter, and some of which joints and loads hold.
 
 python tests/audit_clumps.py 200       # simulates and judges 200 scenes, and says which were found at fault
 python tests/audit_clumps.py 1 37      # the scene of seed 37 alone, and the report on it
@@ -75,6 +75,7 @@ def scene(seed: int) -> tuple[carom.Scene, dict[str, Any]]:
         else:
             made.sphere(f"b{k}", radius=R * rng.uniform(0.5, 1.0), density=2500, **common)
     _flow(made, seed)
+    _held(made, seed)
     options: dict[str, Any] = {
         "step": one(2e-3, 1e-3, 1e-3, 5e-4),
         "every": one(1, 1, 1, 10),
@@ -108,6 +109,65 @@ def _flow(made: carom.Scene, seed: int) -> None:
         region = {"low": (0.5 * ROOM, 0.5 * ROOM, high), "high": (0.5 * ROOM, 0.5 * ROOM, 2.0 * high)}
         made.inflow("late", count=3, region=region, material="grain", seed=int(seed), spheres=_spheres(rng), density=2500,
                     rate=40.0, velocity=(0, 0, -0.5), spread=0.1)  # fmt: skip
+
+
+def _held(made: carom.Scene, seed: int) -> None:
+    """In half of the scenes one to three loads, springs, drags and joints, of bodies that are there from the start."""
+    rng = np.random.default_rng([seed, 73])
+    if rng.random() < 0.5:
+        return
+    balls = {sphere.name: np.array(sphere.position) for sphere in made.spheres}
+    whole = {name: name for name in balls}
+    for clump in made.clumps[: len(made._tree.clump)]:
+        balls.update(zip(clump.ball_names(), clump.centres(), strict=True))
+        whole.update(dict.fromkeys(clump.ball_names(), clump.name))
+    names = list(balls)
+
+    def one(*of: Any) -> Any:
+        return of[rng.integers(len(of))]
+
+    def still(name: str) -> None:
+        for body in (*made.spheres, *made.clumps):
+            if body.name == whole[name]:
+                body.velocity = body.angular_velocity = (0.0, 0.0, 0.0)
+
+    def near(name: str) -> list[float]:
+        return (balls[name] + R * rng.uniform(-1, 1, 3)).tolist()
+
+    for _ in range(int(rng.integers(1, 4))):
+        name, other = one(*names), one(*names)
+        kind = one("load", "torque", "spring", "drag", "joint", "joint")
+        if whole[name] == whole[other]:
+            other = "ground"
+        if kind == "load":
+            made.load(name, force=[0.05 * rng.uniform(-1, 1), {"expression": "0.05*sin(40*t)"}, 0.0])
+        elif kind == "torque":
+            made.load(name, torque=[0.0, {"expression": "1e-4*cos(60*t)"}, 1e-4 * rng.uniform(-1, 1)])
+        elif kind == "spring":
+            ends = [near(name), near(other) if other != "ground" else near(name)]
+            ends[1][2] += 0.03
+            made.spring(name, other, points=ends, stiffness=one(0.0, 10.0, 100.0), damping=one(0.01, 0.1),
+                        rest_length=one(None, 0.03))  # fmt: skip
+        elif kind == "drag":
+            made.drag(name, translation=one(0.0, 0.01, 0.2), rotation=one(1e-7, 1e-6))
+        else:
+            still(name)
+            if other != "ground":
+                still(other)
+            type = one("fix", "plane", "lock", "rod", "ball")
+            if type == "rod" or (type == "ball" and other == "ground"):
+                end = near(name)
+                end[2] += 0.05
+                points = [near(name), end] if other == "ground" else [near(name), near(other)]
+                made.joint("rod", between=(name, other), points=points)
+            elif type == "ball":
+                made.joint(type, between=(name, other), point=(0.5 * (balls[name] + balls[other])).tolist())
+            elif type == "fix":
+                made.joint(type, body=name, point=near(name))
+            elif type == "plane":
+                made.joint(type, body=name, normal=rng.normal(size=3).tolist())
+            else:
+                made.joint(type, body=name, axes=[rng.normal(size=3).tolist()])
 
 
 if __name__ == "__main__":

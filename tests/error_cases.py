@@ -78,12 +78,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("inertia", RIGID + "inertia = 3\n"),
     ],
     "a radius must be positive, found ...": [("spheres", CLUMP + "spheres = [[0, 0, 0, 0]]\n")],
-    "... not act in a scene with clumps yet": [
-        ("joint", RIGID + '[[joint]]\ntype = "fix"\nbody = "cue"\n'),
-        ("load", RIGID + '[[load]]\non = "cue"\nforce = [0, 0, 1]\n'),
-        ("spring", RIGID + SPRING),
-        ("drag", RIGID + '[[drag]]\non = "cue"\ntranslation = 1.0\n'),
-        ("load_function", RIGID + '[[load_function]]\nname = "f"\n'),
+    "... two balls of clump ..., which is rigid": [
+        ("joint", RIGID + ROD.replace('["cue", "other"]', '["rod1", "rod2"]')),
+        ("spring", RIGID + SPRING.replace('["cue", "other"]', '["rod2", "rod1"]')),
     ],
     "clumps need method nsga, found ...": [
         ("run.method", f'step = 1e-3 -> step = 1e-3\nmethod = "{method}"\n\n{RIGID}')

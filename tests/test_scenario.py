@@ -284,7 +284,7 @@ def test_the_tables_of_the_reference_are_those_of_the_model_and_the_layout() -> 
 def test_examples_of_the_reference_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).parents[1] / "docs/reference/scenario.md").read_text(encoding="utf-8")
     toml, *tables = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    rods, variants, code = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    rods, pendulum, variants, code = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     scene = Scene.from_toml(toml)
     assert scene.validate() == []
     for table in tables:  # the others are parts to add to the first
@@ -295,6 +295,9 @@ def test_examples_of_the_reference_page_work(tmp_path: Path, monkeypatch: pytest
     Path("slope.toml").write_text(f"{toml}\n{parameters}", encoding="utf-8")
     exec(rods, names)
     assert 0.0 < names["out"] <= sum(clump.mass for clump in names["result"].clumps.values())
+    exec(pendulum, names)
+    away = names["result"].position[:, 0] - [0.0, 0.0, 0.5]
+    assert np.abs(away).max() < 1e-10 < np.abs(names["result"].clumps["rod"].velocity).max()
     exec(variants, names)
     assert (names["result"].case, names["result"].parameters["m"]) == ("steep", 0.2)
     exec(code, names)

@@ -84,8 +84,9 @@ def _judge(run: Run, tally: Tally) -> None:
     for block in blocks(run):
         pairs = near(block)
         tables.frames(block, tally)
-        motion.judge(block, tally, pairs.free)
-        clumps.judge(block, tally, pairs.free)
+        of_clumps = clumps.laws(block, pairs.free)
+        motion.judge(block, tally, pairs.free, None if of_clumps is None else of_clumps.ways)
+        clumps.judge(block, tally, of_clumps)
         motion.walls(block, tally)
         gaps.penetration(block, pairs, tally)
         gaps.recorded(block, tally)

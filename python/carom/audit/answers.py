@@ -3,39 +3,36 @@
     (M + w C) dV = P + G^T Lambda,    G dV = 0,    w = h (Moreau-Jean: theta h)
 
 with the gradients `G` of joints where the velocity level has the bodies, and `C = -df/dv` of dampers and drag there. `dV` is
-linear in `P`, and one, also where rows of joints repeat one another; only rows that nearly do leave it unsure. Balls of a
-clump move as one body at the places of the second frame.
+linear in `P`, and one, also where rows of joints repeat one another; only rows that nearly do leave it unsure. A clump moves
+as one body, which its first ball stands for (`Run.node`), at the places of the second frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import forces, hits
+from carom.audit import forces, free_turns, gradients, hits
 from carom.audit.block import Block, Rows, once
-from carom.audit.corrections import groups as joined
 from carom.audit.corrections import swing
 from carom.audit.data import Run
-from carom.audit.loads import of_loads, pulled_from, remembered
+from carom.audit.gradients import Places
+from carom.audit.loads import of_loads
 from carom.audit.reactions import LARGEST
 from carom.audit.report import Tally
-from carom.audit.vectors import add_at, cross, exponential, product, rotated, unit
+from carom.audit.vectors import add_at, cross, exponential, product, rotated
+from carom.audit.wrenches import groups as joined
+from carom.audit.wrenches import pulled_from, remembered
 
-Places = tuple[F64, F64]
-"""Centres (A, N, 3) and orientations (A, N, 4)."""
-
-#: Singular values of rows, over the largest: below these rows repeat one another, and in between nobody can tell.
-SAME, UNSURE = 1e-10, 1e-6
 #: How much a contact gives way with its joints, over what it does without, below which they hold nearly the same motion.
 REPEATED = 1e-3
 
 
 class Group(NamedTuple):
-    """Bodies that answer together in A intervals of a block."""
+    """Nodes that answer together in A intervals of a block."""
 
     bodies: I64
     slot: I64
@@ -52,7 +49,7 @@ class Answers:
         self.block = block
         self.inertia = np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1)
         self.groups: list[Group] = []
-        #: (N,) the group of each body, -1 for those that nothing holds.
+        #: (N,) the group of each body, of balls of clumps that of the clump; -1 for those that nothing holds.
         self.group_of = np.full(n, -1)
         #: (B, N) whose answer is not sure.
         self.unsure = np.zeros((block.count, n), dtype=bool)
@@ -61,24 +58,26 @@ class Answers:
             active = np.flatnonzero(met[:, bodies].any(axis=1) & block.single)
             if not len(active):
                 continue
-            self.group_of[bodies] = len(self.groups)
+            self.group_of[np.isin(run.node, bodies)] = len(self.groups)
             slot = np.full(block.count, -1)
             slot[active] = np.arange(len(active))
             answer, unsure = _answers(block, bodies, active)
             self.groups.append(Group(bodies, slot, answer))
             unsure[_repeated(block, self.groups[-1])] = True
-            self.unsure[np.ix_(active[unsure], bodies)] = True
+            self.unsure[np.ix_(active[unsure], np.flatnonzero(np.isin(run.node, bodies)))] = True
 
     def of(self, at: I64, momenta: F64, *, free: bool = False) -> tuple[I64, F64]:
         """The bodies that momenta (M, 6) move, and their velocities. They are given at `at`: interval times N plus body,
         each once; `free`, where joints and loads answer nothing.
         """
-        n = len(self.inertia)
+        n, run = len(self.inertia), self.block.run
         k, body = np.divmod(at, n)
-        alone = (self.group_of[body] < 0) | free
-        alone &= self.block.run.clump_of[body] < 0
-        where, found = [at[alone]], [momenta[alone] / self.inertia[body[alone]]]
-        mine = np.flatnonzero(self.block.run.clump_of[body] >= 0)
+        alone, clumped = (self.group_of[body] < 0) | free, run.clump_of[body] >= 0
+        where, found = (
+            [at[alone & ~clumped]],
+            [momenta[alone & ~clumped] / self.inertia[body[alone & ~clumped]]],
+        )
+        mine = np.flatnonzero(alone & clumped)
         if mine.size:
             whole, moved = self._of_clumps(k[mine], body[mine], momenta[mine])
             where.append(whole)
@@ -89,12 +88,36 @@ class Answers:
                 continue
             which, row = np.unique(k[mine], return_inverse=True)
             given = np.zeros((len(which), len(group.bodies), 6))
-            given[row, np.searchsorted(group.bodies, body[mine])] = momenta[mine]
+            at_nodes = np.searchsorted(group.bodies, run.node[body[mine]])
+            add_at(given, (row, at_nodes), self._about_nodes(k[mine], body[mine], momenta[mine]))
             matrix = group.answer[group.slot[which]]
-            moved = np.einsum("aij,aj->ai", matrix, given.reshape(len(which), -1))
-            where.append((which[:, None] * n + group.bodies).ravel())
-            found.append(moved.reshape(-1, 6))
+            moved = np.einsum("aij,aj->ai", matrix, given.reshape(len(which), -1)).reshape(given.shape)
+            for node, motion in zip(group.bodies.tolist(), moved.swapaxes(0, 1), strict=True):
+                balls = np.flatnonzero(run.node == node) if run.in_clump[node] else np.array([node])
+                where.append((which[:, None] * n + balls).ravel())
+                found.append(self._of_balls(which, balls, motion).reshape(-1, 6))
         return np.concatenate(where), np.concatenate(found)
+
+    def _arms(self, k: I64, body: I64) -> F64:
+        """(M, 3) centres of bodies from those of their nodes in the intervals `k`, m."""
+        run = self.block.run
+        found = np.zeros((len(k), 3))
+        mine = np.flatnonzero(run.clump_of[body] >= 0)
+        q = self.block.c1[k[mine], run.clump_of[body[mine]], 3:7]
+        found[mine] = rotated(q, run.clumps.offsets[body[mine]])
+        return found
+
+    def _about_nodes(self, k: I64, body: I64, momenta: F64) -> F64:
+        """(M, 6) momenta of bodies as those of their nodes."""
+        turning = momenta[:, 3:] + cross(self._arms(k, body), momenta[:, :3])
+        return np.hstack([momenta[:, :3], turning])
+
+    def _of_balls(self, which: I64, balls: I64, motion: F64) -> F64:
+        """(A, n, 6) the velocities of the balls of a node, of that of the node (A, 6) in the intervals `which`."""
+        many = len(balls)
+        arm = self._arms(np.repeat(which, many), np.tile(balls, len(which))).reshape(len(which), many, 3)
+        spin = np.repeat(motion[:, None, 3:], many, axis=1)
+        return np.concatenate([motion[:, None, :3] + cross(spin, arm), spin], axis=-1)
 
     def _of_clumps(self, k: I64, body: I64, momenta: F64) -> tuple[I64, F64]:
         """The same of momenta (M, 6) that are given to balls of clumps: it moves all balls of these."""
@@ -120,7 +143,7 @@ def of_block(block: Block) -> Answers:
 
 
 def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
-    """Ways (B, N, 6) that bodies are off, without those that joints give along their directions, and how far they may be:
+    """Ways (B, N, 6) that nodes are off, without those that joints give along their directions, and how far they may be:
     `bound` and `held` (B, N, 2), beside joints and by them.
 
     In one step of nsga that is `off` less its part in the span of `M^-1 G^T`, in the norm of the masses, in which a group
@@ -131,12 +154,15 @@ def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
     single = np.flatnonzero(block.single)
     if run.method != "nsga" or not len(single):
         return off, bound
-    for names, joints in joined(run.joints):
+    for names, joints in joined(run):
         bodies = np.array(names, dtype=np.int64)
         mine, places = np.ix_(single, bodies), (block.x1[single], block.q1[single])
-        answer, _ = _at(run, bodies, places, answering=False)
-        inert = np.stack([run.mass[bodies], run.inertia[bodies]], axis=1)
-        given = (np.repeat(inert, 3, axis=1) * off[mine]).reshape(len(single), -1)
+        answer, _ = gradients.answer(run, bodies, places, answering=False)
+        inert = np.stack([run.heavy[bodies], run.node_inertia[bodies]], axis=1)
+        most = np.stack([run.heavy[bodies], gradients.largest(run)[bodies]], axis=1)
+        given = np.einsum(
+            "aij,aj->ai", gradients.inert(run, bodies, places), off[mine].reshape(len(single), -1)
+        )
         off[mine] = np.einsum("aij,aj->ai", answer, given).reshape(len(single), -1, 6)
         # Also by what contacts move the bodies at the position level.
         pushed = forces.of_contacts(block).shift_size[:, bodies] / np.sqrt(run.mass[bodies])
@@ -147,7 +173,7 @@ def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
         earlier = held[:1, bodies] * (block.first > 1)
         kept = remembered(run, np.concatenate([earlier, held[:, bodies]]))[1:]
         across = remembered(run, np.concatenate([earlier, turned * kept]))[1:]
-        size = (inert * (alone[mine] + across[single]) ** 2).sum(axis=(1, 2), keepdims=True)
+        size = (most * (alone[mine] + across[single]) ** 2).sum(axis=(1, 2), keepdims=True)
         bound[mine] = np.sqrt(size / inert)
     return off, bound
 
@@ -181,23 +207,28 @@ def sure(block: Block, tally: Tally, kind: str, chosen: Bool, c: Rows | hits.Hit
 def _repeated(block: Block, group: Group) -> I64:
     """Slots in which joints hold nearly what a contact between their bodies does: its impulses may then be of any size."""
     run, c, bodies = block.run, block.rows, group.bodies
-    within = np.isin(c.a, bodies) & np.isin(c.b, bodies) & (c.b < run.bodies)
+    other = np.minimum(c.b, run.bodies - 1)
+    within = np.isin(run.node[c.a], bodies) & np.isin(run.node[other], bodies) & (c.b < run.bodies)
     mine = np.flatnonzero(within & (group.slot[c.k] >= 0))
     parts = np.zeros((len(mine), len(bodies), 6))
     each = np.arange(len(mine))
-    parts[each, np.searchsorted(bodies, c.a[mine]), :3] = c.normal[mine]
-    parts[each, np.searchsorted(bodies, c.b[mine]), :3] = -c.normal[mine]
+    places = block.x1[c.k[mine]], block.q1[c.k[mine]]
+    alone = np.zeros(len(mine))
+    for body, sign in ((c.a[mine], 1.0), (c.b[mine], -1.0)):
+        at = np.searchsorted(bodies, run.node[body])
+        parts[each, at, :3] = sign * c.normal[mine]
+        parts[each, at, 3:] = sign * cross(gradients.from_nodes(run, body, places[1]), c.normal[mine])
+        alone += free_turns.inverse_mass(block, c.k[mine], body, c.normal[mine])
     row = parts.reshape(len(mine), 6 * len(bodies))
     if not len(mine):
         return mine
-    held, _ = _at(run, bodies, (block.x1[c.k[mine]], block.q1[c.k[mine]]), answering=False)
+    held, _ = gradients.answer(run, bodies, places, answering=False)
     gives = np.einsum("ki,kij,kj->k", row, held, row)
-    alone = 1.0 / run.mass[c.a[mine]] + 1.0 / run.mass[c.b[mine]]
     return np.unique(group.slot[c.k[mine]][gives < REPEATED * alone])
 
 
 def _met(block: Block) -> Bool:
-    """(B, N) bodies with a contact or impact on record."""
+    """(B, N) bodies with a contact or impact on record, all balls of a clump with one."""
     run = block.run
     found = np.zeros((block.count, run.bodies), dtype=bool)
     for table in ([block.rows] if run.has_contacts else []) + (
@@ -206,22 +237,15 @@ def _met(block: Block) -> Bool:
         found[table.k, table.a] = True
         ball = table.b < run.bodies
         found[table.k[ball], table.b[ball]] = True
+    run.clumps.share(np.logical_or, found)
     return found
-
-
-def _dampers(run: Run) -> list[dict[str, Any]]:
-    return [load for load in run.loads if load["kind"] == "spring" and load["damping"] > 0.0]
-
-
-def _drags(run: Run) -> list[dict[str, Any]]:
-    return [load for load in run.loads if load["kind"] == "drag"]
 
 
 def _answering(run: Run) -> Iterator[I64]:
     """The bodies of each group."""
-    held = {int(one[side]) for one in (*run.joints, *_dampers(run)) for side in "ab"} - {-1}
-    held |= {int(load["body"]) for load in _drags(run)}
-    bodies = np.array(sorted(held), dtype=np.int64)
+    held = {int(one[side]) for one in (*run.joints, *gradients.dampers(run)) for side in "ab"} - {-1}
+    held |= {int(load["body"]) for load in gradients.drags(run)}
+    bodies = np.unique(run.node[sorted(held)])
     for number in np.unique(run.linked[bodies]):
         yield bodies[run.linked[bodies] == number]
 
@@ -231,7 +255,7 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
     run = block.run
     ends: list[Places] = [(x[active], q[active]) for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
     if run.method != "moreau":
-        return _at(run, bodies, ends[1])
+        return gradients.answer(run, bodies, ends[1])
     # Moreau-Jean asks where the smooth motion ends. Its velocities are those of the loads, held by the joints there.
     given, theta = of_loads(block), float(run.options["theta"])
     old, new = (
@@ -246,78 +270,9 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
         x, q = ends[0][0].copy(), ends[0][1].copy()
         x[:, bodies] += mean[..., :3] + given.shift[active][:, bodies, :3]
         q[:, bodies] = product(exponential(mean[..., 3:]), q[:, bodies])
-        found = _at(run, bodies, (x, q))
+        found = gradients.answer(run, bodies, (x, q))
         # Springs are taken there too, not at the places of the frame.
         there = theta * run.h * pulled_from(block, active, (x, q))[:, bodies] / inert
         apart = (inert * (new - old - pushed - there)).reshape(len(active), -1)
         smooth = new - np.einsum("aij,aj->ai", found[0], apart).reshape(new.shape)
     return found
-
-
-def _at(run: Run, bodies: I64, places: Places, *, answering: bool = True) -> tuple[F64, Bool]:
-    """`_answers` at some places, of joints alone without `answering` loads."""
-    rows, damped = _placed(run, bodies, places, answering=answering)
-    weight = run.h * (float(run.options["theta"]) if run.method == "moreau" else 1.0)
-    inert = np.repeat(np.stack([run.mass[bodies], run.inertia[bodies]], axis=1), 3, axis=1).ravel()
-    for load in _drags(run) if answering else ():
-        if load["body"] in bodies:
-            at = 6 * int(np.searchsorted(bodies, load["body"]))
-            inert[at : at + 3] += weight * load["translation"]
-            inert[at + 3 : at + 6] += weight * load["rotation"]
-    matrix = np.tile(np.diag(inert), (len(rows), 1, 1)) + weight * np.einsum("ari,arj->aij", damped, damped)
-    inverse = np.linalg.inv(matrix)
-    if not rows.shape[1]:
-        return inverse, np.zeros(len(rows), dtype=bool)
-    root = np.linalg.cholesky(inverse)
-    seen = rows @ root
-    seen = seen / np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
-    _, values, along = np.linalg.svd(seen, full_matrices=False)
-    shares = values / values.max(axis=1, keepdims=True)
-    held = along * (shares > SAME)[:, :, None]
-    unsure = ((shares > SAME) & (shares < UNSURE)).any(axis=1)
-    return inverse - root @ (held.transpose(0, 2, 1) @ held) @ root.transpose(0, 2, 1), unsure
-
-
-def _placed(run: Run, bodies: I64, places: Places, *, answering: bool = True) -> tuple[F64, F64]:
-    """Gradients (A, rows, 6n) of the joints of a group, and of its dampers times the roots of their coefficients."""
-    held = [
-        _gradient(row[:2], (joint["a"], row[2]), (joint["b"], row[3]), bodies, places)
-        for joint in run.joints
-        if joint["a"] in bodies
-        for row in joint["rows"]
-    ]
-    damped = [
-        np.sqrt(load["damping"])
-        * _gradient(
-            ("distance", None), (load["a"], load["arm_a"]), (load["b"], load["arm_b"]), bodies, places
-        )
-        for load in _dampers(run)
-        if answering and load["a"] in bodies
-    ]
-    none = np.zeros((len(places[0]), 0, 6 * len(bodies)))
-    return tuple(np.stack(g, axis=1) if g else none for g in (held, damped))  # type: ignore[return-value]
-
-
-def _gradient(
-    row: tuple[str, Any], a: tuple[int, Any], b: tuple[int, Any], bodies: I64, places: Places
-) -> F64:
-    """(A, 6n) `[d, R s_A x d, -d, -R s_B x d]` of a point or distance, `[0, e, 0, -e]` of a rotation."""
-    x, q = places
-    kind, direction = row
-    levers, at = [], []
-    for body, arm in (a, b):
-        given = np.broadcast_to(np.asarray(arm, dtype=np.float64), (len(x), 3))
-        levers.append(rotated(q[:, body], given) if body >= 0 else np.zeros_like(given))
-        at.append(x[:, body] + levers[-1] if body >= 0 else given)
-    d = (
-        unit(at[0] - at[1])
-        if kind == "distance"
-        else np.broadcast_to(np.asarray(direction, dtype=np.float64), (len(x), 3))
-    )
-    found = np.zeros((len(x), len(bodies), 6))
-    for (body, _), lever, sign in zip((a, b), levers, (1.0, -1.0), strict=True):
-        if body >= 0:
-            mine = np.searchsorted(bodies, body)
-            found[:, mine, 3:] += sign * (d if kind == "rotation" else cross(lever, d))
-            found[:, mine, :3] += sign * (0.0 if kind == "rotation" else d)
-    return found.reshape(len(x), 6 * len(bodies))

@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.audit import carried, flights, forces, gaps, groups, hits, rigid, turning
+from carom.audit import carried, clump_loads, flights, forces, gaps, groups, hits, recorded, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.loads import of_loads, solved_again
-from carom.audit.motion import CONTACTS, RECORD, largest, rounding
+from carom.audit.motion import CONTACTS, RECORD, Ways, largest, rounding, untouched
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, conjugate, norm, product, rotation_vector
 
@@ -26,17 +26,25 @@ TURNED = 4.0
 KINDS = ("momentum", "spin", "position", "rotation")
 
 
-def judge(block: Block, tally: Tally, free: Bool) -> None:
-    """All clumps; `free` (B, N) are bodies that cannot have touched anything."""
+def laws(block: Block, free: Bool) -> Laws | None:
+    """Of all clumps, if there are any; `free` (B, N) are bodies that cannot have touched anything."""
     run = block.run
     if not run.clumps:
+        return None
+    if not run.has_contacts:
+        free = untouched(block, free)
+    return Laws(block, np.asarray(run.clumps.over(np.logical_and, free)))
+
+
+def judge(block: Block, tally: Tally, of_clumps: Laws | None) -> None:
+    """All clumps, once joints have had what they may give (`motion.judge`)."""
+    run = block.run
+    if of_clumps is None:
         return
     _as_one(block, tally)
-    apart, there = (np.asarray(run.clumps.over(np.logical_and, of)) for of in (free, block.there))
-    pulled = of_loads(block).unknown[
-        :, run.clumps.first
-    ]  # what is not judged of them is counted with the balls
-    there &= ~pulled
+    apart, there = of_clumps.apart, np.asarray(run.clumps.over(np.logical_and, block.there))
+    pulled = of_loads(block).unknown[:, run.clumps.first] | clump_loads.of_block(block).unknown
+    there &= ~pulled  # what is not judged of them is counted with the balls
     known = np.asarray(there & (apart | (block.kept & run.has_contacts)[:, None]))
     unseen = int((there & ~known).sum())
     for kind in KINDS:
@@ -45,7 +53,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
             tally.skip(kind, why, "resume the run", unseen)
         else:
             tally.skip(kind, CONTACTS, RECORD, unseen)
-    _Laws(block, apart).judge(tally, known)
+    of_clumps.judge(tally, known)
 
 
 def _as_one(block: Block, tally: Tally) -> None:
@@ -54,7 +62,7 @@ def _as_one(block: Block, tally: Tally) -> None:
     x, q, v, w = rigid.placed(run, block.x1, block.q1, block.c1)
     reach = run.clumps.reach[run.clump_of[run.in_clump]]
     fast = forces.absolute(block)[:, run.in_clump]
-    spin = forces.pushes(block)[1] / run.inertia + np.maximum(norm(block.w0), norm(block.w1))
+    spin = recorded.pushes(block)[1] / run.inertia + np.maximum(norm(block.w0), norm(block.w1))
     spin = spin[:, run.in_clump]
     mine = np.flatnonzero(run.in_clump)
     for value, size, scale in (
@@ -96,11 +104,11 @@ def _by_loads(block: Block) -> F64:
     return np.asarray(run.h * size[:, :-1])
 
 
-class _Laws:
+class Laws:
     """Of all clumps in a block: (B, C)."""
 
     def __init__(self, block: Block, apart: Bool) -> None:
-        self.block, self.clumps = block, block.run.clumps
+        self.block, self.clumps, self.apart = block, block.run.clumps, apart
         self.old, self.new = block.c0, block.c1
         self.momenta = [self.clumps.momenta(rows) for rows in (self.old, self.new)]
         self.sums, self.flights = forces.of_contacts(block), flights.of_block(block)
@@ -110,19 +118,26 @@ class _Laws:
         self.spin = np.maximum(norm(self.old[..., 10:]), norm(self.new[..., 10:]))
         self.dt, self.single = block.dt[:, None], block.single[:, None]
         #: Impulses of its contacts, and of the largest of all contacts, N s.
-        self.struck = forces.strokes(block)[0][:, self.clumps.first]
+        self.struck = recorded.strokes(block)[0][:, self.clumps.first]
         self.largest = largest(block)[:, :1]
+        (ways, way_bound), (turns, turn_bound) = self._position(), self._rotation()
+        self.ways = Ways(
+            [np.concatenate([ways, turn], axis=-1) for turn in turns],
+            np.stack([way_bound, turn_bound], axis=-1),
+        )
 
     def judge(self, tally: Tally, known: Bool) -> None:
         """Momenta and ways of those that are `known`."""
         block = self.block
-        laws = ("momentum", self._momentum()), ("spin", self._spin()), ("position", self._position())
-        for kind, (value, bound) in laws:
+        for kind, (value, bound) in (("momentum", self._momentum()), ("spin", self._spin())):
             tally.measure(kind, value, bound, block.per_clump, known)
+        off, bound = self.ways.off, self.ways.bound
+        ways, turns = (np.minimum(*(norm(of[..., part]) for of in off)) for part in (slice(3), slice(3, 6)))
+        tally.measure("position", ways, bound[..., 0], block.per_clump, known)
         told = ~self.touched | self.single
         why = "contacts turned a clump in one of several steps, or of parts of one, between the frames"
         block.skip(tally, "rotation", why, np.nonzero(known & ~told)[0])
-        tally.measure("rotation", *self._rotation(), block.per_clump, known & told)
+        tally.measure("rotation", turns, bound[..., 1], block.per_clump, known & told)
 
     def _momentum(self) -> tuple[F64, F64]:
         block, clumps, first = self.block, self.clumps, self.clumps.first
@@ -166,10 +181,15 @@ class _Laws:
         """By how much the momentum before impacts is off, that at the end less what contacts gave: its size, and its
         direction beyond the angle by which corrections of positions may have turned it.
         """
-        before, first = self.momenta[1] - given, self.momenta[0] + self.flights.kick
+        # What joints answered to contacts is turned by no correction.
+        answered = turning.before(self.block).answered
+        before = self.momenta[1] - given - answered
+        first = self.momenta[0] + self.flights.kick - answered
         size = norm(first)
         beyond = norm(before - first) - angle * size
-        return np.maximum(np.abs(norm(before) - size), beyond)
+        # Nor is what they gave to mend velocities once positions were corrected.
+        given_by = 2.0 * angle * norm(turning.by_loads(self.block))
+        return np.maximum(np.abs(norm(before) - size) - given_by, beyond)
 
     def _corrected(self) -> F64:
         """By how much corrections of positions may turn it at most, rad.
@@ -178,7 +198,14 @@ class _Laws:
         """
         clumps, run = self.clumps, self.block.run
         own = run.h * clumps.mass * clumps.over(np.maximum, gaps.fall(self.block))
-        return np.where(self.touched, self._turned(own) / clumps.least, 0.0)
+        found = np.where(self.touched, self._turned(own) / clumps.least, 0.0)
+        if not run.joints:
+            return found
+        # Of joints no multiplier of positions is on record; but where the clump is found shows their turn.
+        q = self.new[..., 3:7], conjugate(self.flights.rows[..., 3:7])
+        seen = norm(rotation_vector(product(*q))) + self.rounding
+        seen = seen + clump_loads.of_block(self.block).turn_slack / clumps.least
+        return found + np.minimum(of_loads(self.block).corrected[:, clumps.first], seen)
 
     def _turned(self, besides: F64 | float = 0.0) -> F64:
         """Moments that position impulses, those of loads and some `besides` have at most, N m s^2."""
@@ -192,25 +219,27 @@ class _Laws:
         return np.asarray((momentum + self.struck * self.clumps.reach) / self.clumps.least)
 
     def _position(self) -> tuple[F64, F64]:
+        """(B, C, 3) by how much centres are off, m, and may be, (B, C)."""
         block, clumps, first = self.block, self.clumps, self.clumps.first
         moved = self.sums.shift_size[:, first] / clumps.mass
         free = self.flights.rows[..., :3]
-        value = norm(self.new[..., :3] - free - clumps.sum(self.sums.shift) / clumps.mass[:, None])
+        value = self.new[..., :3] - free - clumps.sum(self.sums.shift) / clumps.mass[:, None]
         size = norm(self.old[..., :3]) + norm(self.new[..., :3]) + moved
         size = size + self.dt * (norm(self.old[..., 7:10]) + norm(self.new[..., 7:10]))
         size = size + np.where(self.touched, clumps.reach, 0.0)
         left = (block.left(norm(block.rows.position_impulse)) + block.floor)[:, None] / clumps.mass
         reach = np.where(self.single, 0.0, 2.0 * (self.struck * self.dt / clumps.mass + moved))
         bound = self.rounding * size + carried.of_block(block).slack_way[:, first]
-        bound = bound + self.dt * self.flights.push_off / clumps.mass
+        bound = bound + self.flights.way_off
         return value, bound + np.where(self.touched, left + reach, 0.0)
 
-    def _rotation(self) -> tuple[F64, F64]:
+    def _rotation(self) -> tuple[list[F64], F64]:
+        """(B, C, 3) by how much they are turned otherwise, rad, by either reading of the moments, and may be, (B, C)."""
         block, s, clumps = self.block, self.sums, self.clumps
         free, q = self.flights, self.new[..., 3:7]
         off = rotation_vector(product(q, conjugate(free.rows[..., 3:7])))
         given = (clumps.turning(q, turning.moment(block, s.shift, own)) for own in s.shift_moments)
-        value = np.minimum(*(norm(off - psi) for psi in given))
+        value = [off - psi for psi in given]
         ratio = clumps.most / clumps.least
         way = self.dt * self.spin * ratio
         bound = self.rounding * (8.0 + way) * ratio + free.off

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import carried, flights, forces, groups, loads_once, works
+from carom.audit import carried, flights, forces, groups, loads_once, recorded, works
 from carom.audit.block import Block, once
 from carom.audit.bounds import floor, gain
 from carom.audit.centres import at_walls, wall_slack
@@ -150,7 +150,7 @@ def _regularised(block: Block) -> tuple[F64, F64]:
     run, c = block.run, block.rows
     if run.method != "penalty":
         return np.zeros(len(c)), np.zeros(len(c))
-    spin = np.maximum(norm(block.w0), norm(block.w1)) + forces.pushes(block)[1] / run.inertia
+    spin = np.maximum(norm(block.w0), norm(block.w1)) + recorded.pushes(block)[1] / run.inertia
     fast = forces.speeds(block) + run.radius * spin
     halves = 4.0 * EPS * block.updates[c.k]
     return halves * forces.together(block, run.mass * fast), halves * forces.together(
@@ -322,7 +322,7 @@ def passivity(block: Block, tally: Tally) -> None:
     # Works of loads that are solved once are those along the mean of two normals, and along the last one they do none.
     turned = norm(c.impulse) * norm(c.normal - block.start[1]) * forces.together(block, forces.speeds(block))
     # So do loads of clumps, which act half-way.
-    spin = np.maximum(norm(block.w0), norm(block.w1)) + forces.pushes(block)[1] / run.inertia
+    spin = np.maximum(norm(block.w0), norm(block.w1)) + recorded.pushes(block)[1] / run.inertia
     turned = turned + norm(c.impulse) * forces.together(block, norm(flights.half_way(block)[:, :-1]) * spin)
     # Joints hold to the tolerance, and what they push against that is work.
     held = np.where(groups.held(block)[c.k, c.a], works.bound(block, c), 0.0)

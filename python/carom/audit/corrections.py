@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import forces
+from carom.audit import cohesion, forces, recorded
 from carom.audit.block import Block
 from carom.audit.formula import law
 from carom.audit.vectors import norm
+from carom.audit.wrenches import groups
 
 if TYPE_CHECKING:
     from carom.audit.loads import Loads
@@ -37,14 +38,18 @@ def corrections(block: Block, loads: Loads) -> Iterator[tuple[list[int], F64, F6
         forces.of_contacts(block).shift_size if run.has_contacts else np.zeros((block.count, run.bodies))
     )
     strokes = (
-        forces.strokes(block) if run.has_contacts else (np.zeros_like(contacts), np.zeros_like(contacts))
+        recorded.strokes(block) if run.has_contacts else (np.zeros_like(contacts), np.zeros_like(contacts))
     )
-    for bodies, joints in groups(run.joints):
+    pulled = norm(cohesion.on_bodies(block)[0])
+    for bodies, joints in groups(run):
         grounded = any(joint["b"] < 0 for joint in joints)
-        m, inertia, r = run.mass[bodies], run.inertia[bodies], run.radius[bodies]
+        m, inertia, r = run.heavy[bodies], run.node_inertia[bodies], run.node_reach[bodies]
         given = norm(loads.impulse[:, bodies, :3]) + loads.slack[:, bodies, 0]
         given = given + (m * norm(run.gravity) * dt[:, None] if grounded else 0.0)
         couple = norm(loads.impulse[:, bodies, 3:]) + loads.slack[:, bodies, 1]
+        if run.cohesive and run.clumps:  # of which more balls than the first are pulled
+            all_of = _of_clumps(block, pulled)[:, bodies]
+            given, couple = given + all_of, couple + r * all_of
         parted = np.sum([_parting(block, joint) for joint in joints], axis=0) * np.sqrt(m.sum())
 
         def size(push: F64, moment: F64) -> F64:
@@ -52,19 +57,17 @@ def corrections(block: Block, loads: Loads) -> Iterator[tuple[list[int], F64, F6
 
         moved = contacts[:, bodies]
         of_places = size(moved + dt[:, None] * given, 2.0 * r * moved + dt[:, None] * couple)
-        of_speeds = size(strokes[0][:, bodies] + given, strokes[1][:, bodies] + couple)
+        struck, turned = (of[:, bodies] for of in strokes)
+        turned = turned + np.where(run.in_clump[bodies], r * struck, 0.0)
+        of_speeds = size(struck + given, turned + couple)
         yield bodies, of_places + parted, of_speeds + parted / dt
 
 
-def groups(joints: list[dict[str, Any]]) -> list[tuple[list[int], list[dict[str, Any]]]]:
-    """Bodies that joints hold together, and these joints."""
-    found: list[tuple[set[int], list[dict[str, Any]]]] = []
-    for joint in joints:
-        mine = {body for body in (joint["a"], joint["b"]) if body >= 0}
-        met = [group for group in found if group[0] & mine]
-        found = [group for group in found if not group[0] & mine]
-        found.append((mine.union(*(g[0] for g in met)), [joint, *(j for g in met for j in g[1])]))
-    return [(sorted(bodies), held) for bodies, held in found]
+def _of_clumps(block: Block, pulled: F64) -> F64:
+    """(B, N) sums of `pulled` (B, N) over the balls of each clump, at its first one; 0 of other bodies."""
+    found, clumps = np.zeros_like(pulled), block.run.clumps
+    found[:, clumps.first] = clumps.sum(pulled)
+    return found
 
 
 def _parting(block: Block, joint: dict[str, Any]) -> F64:
@@ -123,5 +126,6 @@ def _point(block: Block, body: int, arm: Any, end: int, fast: F64 | float) -> tu
     if body < 0:
         return place, velocity, np.zeros(block.count), np.zeros(block.count)
     w = (block.w1 if end else block.w0)[:, body]
-    spin = np.maximum(norm(w), fast * block.run.inertia[body] ** -0.5)
-    return place, velocity, spin, norm(lever) + block.run.radius[body]
+    spin = np.maximum(norm(w), fast * block.run.node_inertia[block.run.node[body]] ** -0.5)
+    away = float(norm(block.run.clumps.offsets[body]))
+    return place, velocity, spin, norm(lever) + block.run.radius[body] + away

@@ -176,9 +176,7 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     length = np.minimum(run.radius[a], run.length[np.minimum(b, n)])
     noise = np.abs(fall[k, a]).max(axis=1) + run.radius[a] + run.lengths(block.t1[k])
     noise = 64.0 * EPS * noise
-    loaded = run.answering.copy()
-    loaded[[load["body"] for load in run.loads if load["kind"] == "force"]] = True
-    loaded |= run.cohesive and not run.loads_once  # else they are looked for before it pulls
+    loaded = run.loaded | (run.cohesive and not run.loads_once)  # else they are looked for before it pulls
     loose = loaded[a] | loaded[ball] & (b < n)
     lawful = run.law_index(a, b) >= 0
     near_by = (~loose & (gap <= MARGIN * length - noise), loose | (gap <= MARGIN * length + noise))

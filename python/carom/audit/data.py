@@ -101,6 +101,13 @@ class Run:
         self.clump_of[self.clumps.balls] = self.clumps.of
         self.whole_mass += float(self.clumps.mass.sum() - self.mass[self.clumps.balls].sum())
         self.heavy[self.clumps.balls] = self.clumps.mass[self.clumps.of]
+        #: (N,) the body that stands for each where joints and loads act: of balls of clumps the first one of the clump.
+        self.node: I64 = np.arange(len(self.mass))
+        self.node[self.clumps.balls] = self.clumps.first[self.clumps.of]
+        #: Of these their least moments of inertia, kg m^2, and how far they reach from their centres, m.
+        self.node_inertia, self.node_reach = self.inertia.copy(), self.radius.copy()
+        self.node_inertia[self.clumps.first] = self.clumps.least
+        self.node_reach[self.clumps.first] = self.clumps.reach
         self.mass, self.inertia = rigid.lightest(self.clumps, self.radius, self.mass, self.inertia)
         #: Levers of bodies, and of walls at last, m: none at walls.
         self.reach: F64 = np.concatenate([of_balls[0], np.zeros(free + 1)])
@@ -421,18 +428,16 @@ class Run:
     @cached_property
     def held_apart(self) -> HeldApart:
         """Pairs of balls that joints, or a clump of both, keep from meeting."""
-        found = held_apart(self.joints, self.radius[: self.balls])
-        found.clump[self.clumps.balls] = self.clumps.first[self.clumps.of]
-        return found
+        return held_apart(self.joints, self.radius[: self.balls], self.clump_of[: self.balls])
 
     @cached_property
     def jointed(self) -> Bool:
-        """(N,) balls with a joint."""
+        """(N,) balls with a joint, and of clumps with one."""
         found = np.zeros(self.bodies + 1, dtype=bool)
         found[[body for joint in self.joints for body in (joint["a"], joint["b"])]] = (
             True  # the ground is last
         )
-        return found[:-1]
+        return np.asarray(found[:-1] | self._of_clumps(found[:-1]))
 
     @cached_property
     def answering(self) -> Bool:
@@ -443,7 +448,20 @@ class Run:
             mine = [int(one[key]) for key in ("a", "b", "body") if key in one]
             found[[body for body in mine if body >= 0]] = True
             found |= not mine  # a function may act on all
+        return np.asarray(found | self._of_clumps(found))
+
+    def _of_clumps(self, chosen: Bool) -> Bool:
+        """(N,) balls of clumps of which one is among the `chosen` (N,)."""
+        found = np.zeros(self.bodies, dtype=bool)
+        found[self.clumps.balls] = self.clumps.over(np.logical_or, chosen[None])[0][self.clumps.of]
         return found
+
+    @cached_property
+    def loaded(self) -> Bool:
+        """(N,) those, and bodies with forces of the time alone."""
+        found = self.answering.copy()
+        found[[load["body"] for load in self.loads if load["kind"] == "force"]] = True
+        return np.asarray(found | self._of_clumps(found))
 
     @cached_property
     def top_speeds(self) -> F64:

@@ -22,12 +22,14 @@ from carom.audit import answers, box_energy, cohesion, flights, groups, reaction
 from carom.audit.block import Block, Rows, once
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
-from carom.audit.forces import absolute, pushes, speeds, together
+from carom.audit.forces import absolute, speeds, together
 from carom.audit.formula import law
-from carom.audit.loads import of_loads, remembered
+from carom.audit.loads import of_loads
 from carom.audit.near import Near, stiffness
+from carom.audit.recorded import pushes
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
+from carom.audit.wrenches import remembered
 from carom.result.remarks import RISE_PILE
 from carom.scene.tables.options import loads_once, stepping
 
@@ -248,7 +250,7 @@ def _attracted(block: Block) -> tuple[F64, F64]:
     if run.clumps:  # what turns them is part of `turning.of_block`
         flown, alone = flights.of_block(block), ~run.in_clump
         each = np.concatenate(
-            [each[:, alone], 0.5 * dot(flown.push, block.c0[..., 7:10] + flown.rows[..., 7:10])], axis=1
+            [each[:, alone], 0.5 * dot(flown.pulled, block.c0[..., 7:10] + flown.rows[..., 7:10])], axis=1
         )
     work = np.nansum(each, axis=1)
     ends = [cohesion.potential(run, *at) for at in ((block.t0, block.x0), (block.t1, block.x1))]

@@ -2,8 +2,8 @@
 
     x = x_0 + dt v_0 + dt^2 g/2,    L = const,    dR/dt = (J(R)^-1 L) x R
 
-and with what attraction gives their balls in a step, whose ways have half of it. Loads of a step are solved at these places
-(`loads_once`); what contacts give comes on top.
+with loads and joints (`clump_loads`), and with what attraction gives their balls in a step, whose ways have half of it.
+Loads of contacts are solved at these places (`loads_once`); what contacts give comes on top.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import carried, cohesion, free_turns, rigid
+from carom.audit import carried, clump_loads, cohesion, free_turns, rigid
 from carom.audit.block import Block, once
 from carom.audit.vectors import conjugate, cross, dot, exponential, norm, product, rotated, rotation_vector
 
@@ -31,38 +31,46 @@ class Flights(NamedTuple):
     """(B, N, 3) velocities of balls of clumps."""
     off: F64
     """(B, C) rad by which the scheme may be off in how clumps turn."""
+    pulled: F64
+    """(B, C, 3) impulses of attraction, N s."""
     push: F64
-    """(B, C, 3) impulses of attraction, N s, and moments of them about the centres of mass, N m s."""
+    """(B, C, 3) impulses of attraction, loads and joints, N s, and moments of them about the centres of mass, N m s."""
     kick: F64
     push_off: F64
     """(B, C) how far these may be off."""
     kick_off: F64
+    way_off: F64
+    """(B, C) how far the centres may be off, m."""
 
 
 @once
 def of_block(block: Block) -> Flights:
     """The flights of all clumps."""
     run, clumps, dt = block.run, block.run.clumps, block.dt[:, None]
-    rows, old = free_turns.rows(block).copy(), block.c0
+    rows, old, loads = free_turns.rows(block).copy(), block.c0, clump_loads.of_block(block)
     (given, slack), arm = cohesion.on_bodies(block), np.zeros(run.bodies)
     slack = slack + cohesion.most(block) * dt
     arm[clumps.balls] = clumps.arm
-    push, kick = clumps.sum(given), clumps.sum(cross(free_turns.levers(block), given))
+    pulled, kick = clumps.sum(given), clumps.sum(cross(free_turns.levers(block), given))
     push_off, kick_off = clumps.sum(slack), clumps.sum(slack * arm)
-    rows[..., :3] += (0.5 * dt / clumps.mass)[..., None] * push
-    rows[..., 7:10] += push / clumps.mass[:, None]
+    rows[..., :3] += (0.5 * dt / clumps.mass)[..., None] * pulled
+    rows[..., 7:10] += pulled / clumps.mass[:, None]
     turn = rotation_vector(product(rows[..., 3:7], conjugate(old[..., 3:7])))
     turn = turn + 0.5 * dt[..., None] * clumps.turning(rows[..., 3:7], kick)
     kicked = (kick != 0.0).any(axis=-1, keepdims=True)
     rows[..., 3:7] = np.where(kicked, product(exponential(turn), old[..., 3:7]), rows[..., 3:7])
+    kick = kick + loads.impulse[..., 3:]
     rows[..., 10:] = clumps.turning(rows[..., 3:7], clumps.momenta(old) + kick)
     spin = np.maximum(norm(old[..., 10:]), norm(block.c1[..., 10:]))
-    off = block.updates[:, None] * rigid.scheme(spin, run.h) + kick_off / clumps.least * dt
+    turn_off = kick_off * dt + loads.way_slack[..., 1]
+    off = block.updates[:, None] * rigid.scheme(spin, run.h) + turn_off / clumps.least
     off[np.isnan(rows[..., 3])] = np.inf
+    way_off = (push_off * dt + loads.way_slack[..., 0]) / clumps.mass
+    push_off, kick_off = push_off + loads.slack[..., 0], kick_off + loads.slack[..., 1]
     x, _, v, _ = rigid.placed(run, block.x1, block.q1, rows)
     known = np.isfinite(x)
     return Flights(rows, np.where(known, x, block.x1), np.where(known, v, block.v1), off,
-                   push, kick, push_off, kick_off)  # fmt: skip
+                   pulled, pulled + loads.impulse[..., :3], kick, push_off, kick_off, way_off)  # fmt: skip
 
 
 @once

@@ -104,9 +104,7 @@ def of_frames(block: Block, tally: Tally) -> None:
     """Where balls are, enter and leave."""
     run = block.run
     outlets, inflows = run.model.get("outlet") or (), run.model.get("inflow") or ()
-    free = ~run.answering
-    free[[load["body"] for load in run.loads if load["kind"] == "force"]] = False
-    free &= not run.cohesive
+    free = ~run.loaded & (not run.cohesive)
     free[run.balls :] = False  # free walls neither enter nor leave
     present = run.present(slice(block.first - 1, block.first + block.count))
     here = present[1:] & free

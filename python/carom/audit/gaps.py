@@ -11,6 +11,7 @@ from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, deepest
 from carom.audit.rates import Pairs, compliance, rates
+from carom.audit.recorded import pushes
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, norm
 
@@ -102,7 +103,7 @@ def complementarity(block: Block, tally: Tally) -> None:
         run.loads_once
     ):  # loads press where the contact opens by less than they may bring back; positions keep the gap
         of_contacts = forces.of_contacts(block)
-        moved = 0.5 * run.h * forces.pushes(block)[0] + of_contacts.shift_size
+        moved = 0.5 * run.h * pushes(block)[0] + of_contacts.shift_size
         fallen = np.concatenate([fall(block), _walls(block)], axis=1).max(axis=1)
         reach = forces.together(block, moved / run.mass) + 2.0 * run.h * fallen[c.k]
         # What an impact has taken all impulses from pushes no more.
@@ -222,6 +223,10 @@ def fall(block: Block) -> F64:
     given = of_loads(block)
     of_box = run.mass[:, None] * carried.of_block(block).velocity
     pushed = norm(given.impulse[..., :3] - of_box) + given.slack[..., 0]
+    if run.clumps:  # a moment moves what is far from the centre
+        first = run.clumps.first
+        pushed[:, first] += (norm(given.impulse[:, first, 3:]) + given.slack[:, first, 1]) / run.clumps.reach
+        run.clumps.share(np.maximum, pushed)
     walls = slice(run.balls, None)  # whose forces may cancel over several steps
     pushed[:, walls] = np.maximum(pushed[:, walls], given.spread[:, walls, 0])
     pushed = pushed / run.mass / np.maximum(block.n, 1)[:, None]

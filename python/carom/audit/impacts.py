@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, bounds, carried, flights, forces, groups, hits, loads_once, replay
+from carom.audit import answers, bounds, carried, flights, forces, groups, hits, loads_once, recorded, replay
 from carom.audit.block import Block
 from carom.audit.centres import at_walls, wall_slack
 from carom.audit.cones import struck
@@ -266,7 +266,7 @@ def _turned(block: Block, r: Hits) -> F64:
     """
     run, other = block.run, np.minimum(r.b, block.run.bodies - 1)
     _, start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])
-    fast = forces.speeds(block) + forces.strokes(block)[0] / run.mass
+    fast = forces.speeds(block) + recorded.strokes(block)[0] / run.mass
     both = fast[r.k, r.a] + np.where(r.b < run.bodies, fast[r.k, other], 0.0)
     return np.where((r.problem == 0) & run.loads_once, norm(r.normal - start) * both, 0.0)
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from carom.arrays import F64, connected
-from carom.audit import forces
+from carom.arrays import F64
+from carom.audit import recorded
 from carom.audit.block import Block, once
 from carom.audit.formula import law
 from carom.audit.loads import of_loads
@@ -93,9 +93,9 @@ def _fastest(block: Block) -> F64:
     speed = np.zeros((block.count, n))
     for v, w in ((block.v0, block.w0), (block.v1, block.w1)):
         speed = np.maximum(speed, np.nan_to_num(norm(v) + run.radius * norm(w)))
-    pairs = np.array([(j["a"], j["b"]) for j in run.joints if j["b"] >= 0], dtype=np.int64).reshape(-1, 2)
-    system = connected(n, pairs[:, 0], pairs[:, 1])
-    for one in np.unique(system[pairs]):
+    held = np.array([body for j in run.joints for body in (j["a"], j["b"]) if body >= 0], dtype=np.int64)
+    system = run.joined([])
+    for one in np.unique(system[held]):
         mine = system == one
         speed[:, mine] = speed[:, mine].max(axis=1, keepdims=True)
     return np.asarray(speed)
@@ -103,9 +103,14 @@ def _fastest(block: Block) -> F64:
 
 def _kicked(block: Block, body: int) -> F64:
     """(B,) speed that weight, loads and contacts may give a body in an interval, m/s: its joints are solved against all."""
-    loads, (struck, _) = of_loads(block), forces.strokes(block)
-    given = norm(loads.alone[:, body, :3]) + loads.alone_slack[:, body, 0] + struck[:, body]
-    return np.asarray(norm(block.run.gravity) * block.run.h + given / block.run.mass[body])
+    loads, (struck, _) = of_loads(block), recorded.strokes(block)
+    run, node = block.run, int(block.run.node[body])
+    given = norm(loads.alone[:, node, :3]) + loads.alone_slack[:, node, 0] + struck[:, node]
+    if run.in_clump[node]:  # whose moments move what is far from its centre
+        given = (
+            given + (norm(loads.alone[:, node, 3:]) + loads.alone_slack[:, node, 1]) / run.node_reach[node]
+        )
+    return np.asarray(norm(run.gravity) * run.h + given / run.mass[node])
 
 
 def _place(block: Block, k: int, name: str) -> Place:

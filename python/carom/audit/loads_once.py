@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import carried, cohesion, free_turns, groups, hits
+from carom.audit import carried, cohesion, free_turns, groups, hits, recorded
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.formula import law
@@ -216,6 +216,22 @@ def _through(block: Block) -> F64:
     return found
 
 
+def _put_back(block: Block, shift: F64) -> F64:
+    """(B, N, 3) balls of clumps without the ways that position impulses (B, N, 3) gave these, to first order; others as they
+    are.
+    """
+    run, clumps, c, x = block.run, block.run.clumps, block.rows, block.x1.copy()
+    other = np.minimum(c.b, run.bodies)
+    own = [run.reach[body][:, None] * cross(c.position_impulse, c.normal) for body in (c.a, other)]
+    moments = recorded.of_bodies(block, c, *(own[0] + c.position_moment, own[1] - c.position_moment))
+    levers = clumps.levers(block.c1)
+    moments[:, clumps.balls] += cross(levers, shift[:, clumps.balls])
+    way = clumps.sum(shift) / clumps.mass[:, None]
+    turn = clumps.turning(block.c1[..., 3:7], clumps.sum(moments))
+    x[:, clumps.balls] -= way[:, clumps.of] + cross(turn[:, clumps.of], levers)
+    return x
+
+
 def solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
     """Both normals (K, 3) of the frame of the loads; `shift` (B, N, 3) is all that moved a body since they were solved, but
     for attraction, and a clump since its free flight.
@@ -226,5 +242,8 @@ def solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
     if run.clumps:
         free = free_turns.places(block)
         x = np.where(run.in_clump[:, None] & np.isfinite(free), free, x)
+        held = run.in_clump & run.loaded
+        if held.any():  # what loads and joints moved them by is not so well on record
+            x = np.where(held[:, None], _put_back(block, shift + pulled), x)
     _, then = run.meet(block.t1[c.k], c.a, c.b, x[c.k, c.a], x[c.k, other])
     return first_normals(run, c.a, c.b, block.start[1], then), then

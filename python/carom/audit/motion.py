@@ -15,18 +15,18 @@ rounding.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, carried, forces, loads_once, rigid
+from carom.audit import answers, carried, forces, loads_once, recorded, rigid
 from carom.audit.block import Block
 from carom.audit.cohesion import pulls
 from carom.audit.cones import PARTS
-from carom.audit.corrections import groups
 from carom.audit.forces import Sums
-from carom.audit.loads import Loads, memory, of_loads, solved_again
+from carom.audit.loads import Loads, of_loads, solved_again
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import (
     EPS,
@@ -39,13 +39,26 @@ from carom.audit.vectors import (
     rotation_vector,
     unit,
 )
+from carom.audit.wrenches import groups, memory
 
 CONTACTS = "impulses of contacts were not recorded; bodies in free flight were judged"
 RECORD = "contacts = true in [record]"
 
 
-def judge(block: Block, tally: Tally, free: Bool) -> None:
-    """`free` (B, N): bodies that cannot have touched anything; without recorded contacts only they are judged."""
+@dataclass
+class Ways:
+    """How far clumps are off their laws of ways and turns."""
+
+    off: list[F64]
+    """(B, C, 6) m and rad, by either reading of the moments."""
+    bound: F64
+    """(B, C, 2) how far they may be."""
+
+
+def judge(block: Block, tally: Tally, free: Bool, of_clumps: Ways | None) -> None:
+    """`free` (B, N): bodies that cannot have touched anything; without recorded contacts only they are judged. Joints take
+    away from `of_clumps` what they may give, together with that of other bodies.
+    """
     run = block.run
     sums, loads = forces.of_contacts(block), of_loads(block)
     known = block.there & ~loads.unknown
@@ -60,7 +73,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
             )
         known &= block.kept[:, None] | free
     else:
-        free = _untouched(block, free)
+        free = untouched(block, free)
         of_walls = _momentum_of_walls(block, tally, loads, known)
         for kind in ("momentum", "spin", "position", "rotation"):
             unseen = known & ~free
@@ -84,10 +97,15 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
     ways, way_bound = _position(block, tally, sums, loads, touched)
     turns, turn_bound = _rotation(block, sums, loads, touched)
     bound = np.stack([way_bound, turn_bound], axis=-1)
-    found = [
-        answers.unheld(block, np.concatenate([ways, turn], axis=-1), bound, loads.shift_held)
-        for turn in turns
-    ]
+    off = [np.concatenate([ways, turn], axis=-1) for turn in turns]
+    if of_clumps is not None:
+        bound[:, run.clumps.first] = of_clumps.bound
+        for one, other in zip(off, of_clumps.off, strict=True):
+            one[:, run.clumps.first] = other
+    found = [answers.unheld(block, one, bound, loads.shift_held) for one in off]
+    if of_clumps is not None:
+        of_clumps.off = [one[:, run.clumps.first] for one, _ in found]
+        of_clumps.bound = found[0][1][:, run.clumps.first]
     for k, kind in enumerate(("position", "rotation")):
         value = np.minimum(*(norm(off[..., 3 * k : 3 * k + 3]) for off, _ in found))
         tally.measure(
@@ -95,7 +113,7 @@ def judge(block: Block, tally: Tally, free: Bool) -> None:
         )
 
 
-def _untouched(block: Block, free: Bool) -> Bool:
+def untouched(block: Block, free: Bool) -> Bool:
     """(B, N) the `free` bodies, of those that joints hold together only if all are, and were until the filter of the scheme
     has forgotten it: joints hand on what contacts give.
     """
@@ -105,7 +123,7 @@ def _untouched(block: Block, free: Bool) -> Bool:
     before = touched[touched <= block.s0[0]].max(initial=-np.inf)
     kept = memory(run)
     long = np.log(EPS**2) / np.log(kept) if kept > 0.0 else 0.0
-    for bodies, _ in groups(run.joints):
+    for bodies, _ in groups(run):
         last = np.where(free[:, bodies].all(axis=1), -np.inf, block.s1)
         since = block.s0 - np.maximum(np.maximum.accumulate(last), before)
         found[:, bodies] = (since >= long)[:, None]
@@ -214,7 +232,7 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
         tally.measure("position", given, 0.0, block.contact)
     left = block.left(norm(block.rows.position_impulse)) + block.floor
     left = left[:, None] / run.mass
-    reach = 2.0 * (forces.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
+    reach = 2.0 * (recorded.strokes(block)[0] * block.dt[:, None] + s.shift_size) / run.mass
     turned = np.where(block.piled[:, None], forces.bent(block) / run.mass, 0.0)
     bound = bound + np.where(touched, left + turned + np.where(single[:, None], 0.0, reach), 0.0)
     return block.x1 - block.x0 - way, bound
@@ -244,7 +262,7 @@ def _rotation(block: Block, s: Sums, loads: Loads, touched: Bool) -> tuple[list[
     size = norm(block.rows.position_impulse) * run.radius[block.rows.a] + norm(block.rows.position_moment)
     left = (block.left(size)[:, None] + block.floor[:, None] * run.radius) / inertia[:, 0]
     left = left + np.where(block.piled[:, None], forces.bent(block) * run.radius / inertia[:, 0], 0.0)
-    struck = forces.strokes(block)[1] * block.dt[:, None]
+    struck = recorded.strokes(block)[1] * block.dt[:, None]
     reach = 2.0 * (struck + s.shift_size * run.radius) / inertia[:, 0]
     bound = bound + np.where(touched, left + np.where(single[:, None], 0.0, reach), 0.0)
     return found, bound

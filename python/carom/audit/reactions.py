@@ -16,12 +16,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import forces, held
+from carom.audit import held, recorded, rigid
 from carom.audit.block import Block, blocks
-from carom.audit.corrections import groups, kinks, swing
+from carom.audit.corrections import kinks, swing
 from carom.audit.data import Run
-from carom.audit.loads import of_loads, remembered
+from carom.audit.loads import of_loads
 from carom.audit.vectors import norm
+from carom.audit.wrenches import groups, remembered
 
 #: Stands for no bound at all (a spring without length turns at once), as products with 0 have no value.
 LARGEST = 1e60
@@ -35,7 +36,7 @@ def unsteady(run: Run) -> F64:
     kept = abs((2.0 * rho - 1.0) / (2.0 - rho)) if run.method == "nsga" else 0.0
     touched = (s["contacts"] > 0) | (s["impact_problems"] > 0) | run.cut
     jolted = touched | np.concatenate([[True], touched[:-1]])
-    found = np.zeros((len(groups(run.joints)), 5, len(touched)))
+    found = np.zeros((len(groups(run)), 5, len(touched)))
     for block in blocks(run):
         steps = np.repeat(np.arange(block.count), block.n)
         for k, parts in enumerate(_reactions(block)):
@@ -56,12 +57,12 @@ def _reactions(block: Block) -> Iterator[tuple[F64, F64, F64, F64, F64]]:
     loads = of_loads(block)
     several = (block.n > 1) & (block.over(run.steps["contacts"]) > 0)
     top = np.sqrt(2.0 * block.over(run.steps["energy_kinetic"]))
-    for bodies, joints in groups(run.joints):
-        m, inertia = run.mass[bodies], run.inertia[bodies]
-        ends = [
-            np.sqrt((m * norm(v[:, bodies]) ** 2 + inertia * norm(w[:, bodies]) ** 2).sum(axis=1))
-            for v, w in ((block.v0, block.w0), (block.v1, block.w1))
-        ]
+    motion = [
+        rigid.kinetic(run, *end) for end in ((block.v0, block.w0, block.c0), (block.v1, block.w1, block.c1))
+    ]
+    for bodies, joints in groups(run):
+        m, inertia = run.heavy[bodies], run.node_inertia[bodies]
+        ends = [np.sqrt(2.0 * of[:, bodies].sum(axis=1)) for of in motion]
         speed = np.where(several, top, np.maximum(*ends))
         fast = np.where(several, top, 0.0)
         swings = [[swing(block, joint, end, fast) for joint in joints] for end in (0, 1)]
@@ -74,7 +75,8 @@ def _reactions(block: Block) -> Iterator[tuple[F64, F64, F64, F64, F64]]:
         weight = np.sqrt(m.sum()) * float(norm(run.gravity))
         pushed = 2.0 * speed + h * (pull + weight)
         if run.has_contacts:
-            struck, turned = (of[:, bodies] for of in forces.strokes(block))
+            struck, turned = (of[:, bodies] for of in recorded.strokes(block))
+            turned = turned + np.where(run.in_clump[bodies], run.node_reach[bodies] * struck, 0.0)
             pushed = np.maximum(pushed, np.sqrt((struck**2 / m + turned**2 / inertia).sum(axis=1)))
         grounded = any(joint["b"] < 0 for joint in joints)
         alone = pull + weight * grounded

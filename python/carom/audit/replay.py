@@ -144,6 +144,11 @@ class Replay:
         self.old[(every[:, None] * run.bodies + np.flatnonzero(run.in_clump)).ravel()] = np.concatenate(
             turning.turned_on(block), axis=-1
         )[:, run.in_clump].reshape(-1, 6)
+        #: (K,) by how much the velocities of before may be off at each row, m/s.
+        begun = turning.unsure(block)
+        self.begun = begun[r.k, r.a] + np.where(
+            r.b < run.bodies, begun[r.k, np.minimum(r.b, run.bodies - 1)], 0.0
+        )
         self.scratch = np.zeros_like(self.now)
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         ball = np.minimum(r.b, run.bodies - 1)
@@ -450,13 +455,14 @@ class Replay:
             fast[1] = np.where(r.b < run.bodies, fast[1], 0.0)
             noise = noise + 2.0 * KEPT * run.loosest["closing_tolerance_speed"] * (fast[0] + fast[1])
         left_speed = 2.0 * own[0] * left + noise
-        self._tell(
-            "impact", every, value, left_speed + own[0] * spread + run.rebound(index, -towards, left_speed)
-        )
+        begun = r.scale * self.begun[rows]
+        rebound = e_n * begun + run.rebound(index, -towards, left_speed + begun)
+        self._tell("impact", every, value, left_speed + own[0] * spread + rebound)
         mu = self.mu[rows]
         z = after.slip + slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
         most = mu * np.maximum(push, 0.0)
-        defect = opposed(self.slide[rows], z, most, 2.0 * own[1] * left + noise + own[1] * spread)
+        restored = np.abs(np.nan_to_num(e_t)) * begun
+        defect = opposed(self.slide[rows], z, most, 2.0 * own[1] * left + noise + own[1] * spread + restored)
         sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0) & ~scaled)
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
         self._tell("slip", every[sure], defect[sure], limit)

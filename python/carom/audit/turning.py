@@ -7,27 +7,53 @@ an angle, a clump has at most that much of `L^2 (1/J_min - 1/J_max)/2` more.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import flights, forces, rigid
+from carom.audit import answers, clump_loads, flights, forces, recorded, rigid
 from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.vectors import EPS, cross, dot, norm
+from carom.audit.vectors import EPS, conjugate, cross, dot, norm, product, rotation_vector
+
+
+class Before(NamedTuple):
+    """Of each clump, (B, C, 3), N m s."""
+
+    momenta: F64
+    """Angular momenta before impacts; at first where contacts are unknown, or of several steps, and of clumps that leave."""
+    answered: F64
+    """What joints and loads answered to contacts."""
 
 
 @once
-def momenta(block: Block) -> F64:
-    """(B, C, 3) angular momenta before impacts, N m s; at first where contacts are unknown, or of several steps, and of
-    clumps that leave.
-    """
+def before(block: Block) -> Before:
+    """Of a block."""
     run, clumps, sums = block.run, block.run.clumps, forces.of_contacts(block)
     first, last = clumps.momenta(block.c0) + flights.of_block(block).kick, clumps.momenta(block.c1)
-    before = [last - moment(block, sums.impulse, own) for own in sums.moments]
-    one, other = (np.abs(norm(of) - norm(first)) for of in before)
-    both = np.where((one <= other)[..., None], *before)
+    given = [moment(block, sums.impulse, own) for own in sums.moments]
+    found = [last - of for of in given]
+    answering = answers.of_block(block).group_of[clumps.first] >= 0
+    if answering.any():  # which have the rest of what they have now by joints and loads
+        ends = (answers.before_contacts(block, k)[:, clumps.first, 3:] for k in (0, 1))
+        held = [clumps.momentum(block.c1[..., 3:7], w) for w in ends]
+        found = [np.where(answering[:, None], *of) for of in zip(held, found, strict=True)]
+    # Loads and joints may have given more or less than that they answered to contacts.
+    one, other = (
+        np.abs(norm(of) - norm(first - (last - of - by))) for of, by in zip(found, given, strict=True)
+    )
+    least = (one <= other)[..., None]
+    both, by = np.where(least, *found), np.where(least, *given)
     known = (block.single & run.has_contacts & block.kept)[:, None] & block.there[:, clumps.first]
-    return np.where(known[..., None], both, first)
+    answered = np.where(known[..., None] & answering[:, None], last - both - by, 0.0)
+    return Before(np.where(known[..., None], both, first), answered)
+
+
+@once
+def by_loads(block: Block) -> F64:
+    """(B, C, 3) angular impulses of loads and joints before impacts, N m s."""
+    return np.asarray(clump_loads.of_block(block).impulse[..., 3:] - before(block).answered)
 
 
 def moment(block: Block, given: F64, own: F64) -> F64:
@@ -41,13 +67,29 @@ def moment(block: Block, given: F64, own: F64) -> F64:
 @once
 def turned_on(block: Block) -> tuple[F64, F64]:
     """(B, N, 3) velocities and angular velocities of balls of clumps, of the first frames at the places of the second, with
-    the angular velocities before impacts: impact problems have them so.
+    the angular velocities before impacts and loads: impact problems have them so.
     """
     rows = block.c1.copy()
     rows[..., 7:10] = block.c0[..., 7:10]
-    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], momenta(block))
+    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], before(block).momenta)
     found = rigid.placed(block.run, block.x1, block.q1, rows)
     return found[2], found[3]
+
+
+@once
+def unsure(block: Block) -> F64:
+    """(B, N) by how much the velocities of `turned_on` may be off at any point of a clump with loads or joints, m/s: what
+    corrects positions turns what they gave by an angle that is on no record.
+    """
+    run, clumps, loads = block.run, block.run.clumps, clump_loads.of_block(block)
+    flight, given = flights.of_block(block), norm(by_loads(block))
+    turned = norm(rotation_vector(product(block.c1[..., 3:7], conjugate(flight.rows[..., 3:7]))))
+    angle = np.minimum(turned + flight.off, 2.0)
+    found = np.zeros((block.count, run.bodies))
+    hidden = np.where(loads.unknown, norm(before(block).momenta - clumps.momenta(block.c0)), 0.0)
+    each = clumps.reach / clumps.least * (angle * given + loads.slack[..., 1] + hidden)
+    found[:, clumps.balls] = np.nan_to_num(each)[:, clumps.of]
+    return found
 
 
 def of_block(block: Block) -> tuple[F64, F64]:
@@ -57,22 +99,24 @@ def of_block(block: Block) -> tuple[F64, F64]:
     """
     run = block.run
     found, off = np.zeros((2, block.count, run.bodies))
-    clumps, before, ends = (
-        run.clumps,
-        momenta(block),
-        [run.clumps.momenta(rows) for rows in (block.c0, block.c1)],
-    )
-    exact = 0.5 * dot(before, clumps.turning(block.c1[..., 3:7], before))
+    clumps, then = run.clumps, before(block).momenta
+    ends = [clumps.momenta(rows) for rows in (block.c0, block.c1)]
+    exact = 0.5 * dot(then, clumps.turning(block.c1[..., 3:7], then))
     exact = exact - 0.5 * dot(ends[0], clumps.turning(block.c0[..., 3:7], ends[0]))
+    # Work of loads and joints is no turn by itself.
+    loads, flight = clump_loads.of_block(block), flights.of_block(block)
+    end = clumps.turning(flight.rows[..., 3:7], then)
+    exact = exact - 0.5 * dot(by_loads(block), block.c0[..., 10:] + end)
     pushed, turned = (
-        clumps.over(np.maximum, of) for of in (forces.pushes(block)[0], forces.shifts(block)[1])
+        clumps.over(np.maximum, of) for of in (recorded.pushes(block)[0], recorded.shifts(block)[1])
     )
     largest = np.maximum(*map(norm, ends)) + clumps.reach * pushed
-    angle = np.minimum(turned + flights.of_block(block).off, np.pi)
+    angle = np.minimum(turned + flight.off, np.pi)
     most = 0.5 * largest**2 * (1.0 / clumps.least - 1.0 / clumps.most) * angle
-    known = block.single[:, None] & block.there[:, clumps.first]
+    known = block.single[:, None] & block.there[:, clumps.first] & ~loads.unknown
     found[:, clumps.first] = np.where(known, exact, 0.0)
-    off[:, clumps.first] = np.where(known & run.has_impacts, 0.0, most)
+    fast = np.maximum(norm(block.c0[..., 10:]), norm(block.c1[..., 10:]))
+    off[:, clumps.first] = np.where(known & run.has_impacts, loads.slack[..., 1] * fast, most)
     return found, off
 
 

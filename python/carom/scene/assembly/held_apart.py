@@ -1,5 +1,5 @@
-"""Pairs of balls whose joints keep their centres at one distance, or join them where they touch: they have no contact
-(algorithm, section 7).
+"""Pairs of balls that have no contact: those of one clump, and those whose joints keep their centres at one distance, or
+join them where they touch (algorithm, section 7).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Bool, connected
 
 THREE = 1e-6
 """Volume that three unit axes span from which they are three."""
@@ -36,9 +36,11 @@ class HeldApart(NamedTuple):
         return np.asarray(balls & ((self.clump[a] == self.clump[other]) | held))
 
 
-def held_apart(joints: Sequence[Mapping[str, Any]], radius: F64) -> HeldApart:
-    """Of joints as the core has them (`mechanics.joints_for_core`) and balls of radii (N,), m."""
-    clump, pairs = np.arange(len(radius)), set()
+def held_apart(joints: Sequence[Mapping[str, Any]], radius: F64, clump: I64) -> HeldApart:
+    """Of joints as the core has them (`mechanics.joints_for_core`) and balls of radii (N,), m; `clump` (N,) is the number
+    of the clump that each is a part of, -1 of the others.
+    """
+    pairs, tied = set(), []
     between = sorted((joint for joint in joints if joint["b"] >= 0), key=_pair)
     for pair, same in groupby(between, _pair):
         listed = [joint["rows"] for joint in same]
@@ -46,8 +48,13 @@ def held_apart(joints: Sequence[Mapping[str, Any]], radius: F64) -> HeldApart:
             pairs.add(pair)
         common = any(_spans_space(rows, "point") for rows in listed)
         if common and _spans_space([row for rows in listed for row in rows], "rotation"):
-            clump[clump == clump[pair[1]]] = clump[pair[0]]
-    return HeldApart(clump, frozenset(pairs))
+            tied.append(pair)
+    # Balls of one clump, each with the next one.
+    parts = np.flatnonzero((clump[1:] == clump[:-1]) & (clump[1:] >= 0))
+    links = np.concatenate(
+        [np.array(tied, dtype=np.int64).reshape(-1, 2), np.stack([parts, parts + 1], axis=1)]
+    )
+    return HeldApart(connected(len(radius), *links.T), frozenset(pairs))
 
 
 def _pair(joint: Mapping[str, Any]) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Rules about clumps: what is computed together with them, and what their numbers may be."""
+"""Rules about clumps: by what methods they are computed, what may hold them, and what their numbers may be."""
 
 from __future__ import annotations
 
@@ -8,24 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import quoted
-from carom.scene.assembly.mechanics import MECHANICS
 from carom.scene.checks.deformation import least_lengths
 from carom.scene.messages import Finding
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
 from carom.scene.tables.impact_laws import LAWS
+from carom.scene.tables.joints import Joint
+from carom.scene.tables.loads import GROUND, Spring
 
 if TYPE_CHECKING:
     from carom.scene.checks.rules import Parts
 
-LEAVE_OUT = {
-    "joint": "joints do",
-    "load": "loads do",
-    "spring": "springs do",
-    "drag": "drag does",
-    "load_function": "Python functions do",
-}
-"""What does not act in a scene with clumps yet, by section."""
 MOMENTS = (1e-90, 1e90)
 """Moments of inertia between these, kg m^2, as of spheres."""
 
@@ -40,13 +33,22 @@ def shapes(parts: Parts) -> Iterator[tuple[str, int, Clump]]:
 
 def check_clumps(parts: Parts) -> Iterator[Finding]:
     """What a scene with clumps may not have."""
-    if not any(True for _ in shapes(parts)):
-        return
-    yield from _options(parts)
-    for section in MECHANICS:
-        for i, _ in parts.entries[section][:1]:
-            cause = f"{LEAVE_OUT[section]} not act in a scene with clumps yet"
-            yield Finding((section, i), cause, "leave this table out, or take spheres in place of clumps")
+    if any(True for _ in shapes(parts)):
+        yield from _options(parts)
+        yield from _within(parts)
+
+
+def _within(parts: Parts) -> Iterator[Finding]:
+    """Joints and springs between two balls of one clump, which never move against one another."""
+    clump_of = {ball: clump.name for _, clump in parts.tables(Clump) for ball in clump.ball_names()}
+    for section, does in (("joint", "joins"), ("spring", "pulls at")):
+        for i, table in parts.entries[section]:
+            assert isinstance(table, Joint | Spring)
+            a, b = (clump_of.get(name) for name in table.between or (GROUND, GROUND))
+            if a is not None and a == b:
+                cause = f"{does} two balls of clump {quoted(a)}, which is rigid"
+                cure = f'leave this {section} out, or name a ball of another body, or "ground"'
+                yield Finding((section, i, "between"), cause, cure)
 
 
 def _options(parts: Parts) -> Iterator[Finding]:

@@ -135,7 +135,11 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
             clump = clumps[segment.index]
             places[segment.start], names[segment.start] = clump.middle(), clump.name
             there[segment.start + 1 : segment.stop] = False
-    free = there & [name not in held for name in bodies.names]
+    bound = np.array([name in held for name in bodies.names], dtype=bool)
+    for segment in bodies.segments:
+        if segment.section == "clump":  # of which one ball that is held holds all
+            bound[segment.start : segment.stop] = bound[segment.start : segment.stop].any()
+    free = there & ~bound
     for i, outlet in parts.tables(Outlet):
         gone = np.flatnonzero(free & (_within(parts, outlet, places) == outlet.inside))
         cure = "move the balls or the outlet, or write the other value of inside"

@@ -13,10 +13,10 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import quoted
-from carom.scene.assembly.bodies import Bodies
 from carom.scene.assembly.distances import gaps, normals
 from carom.scene.assembly.held_apart import held_apart
 from carom.scene.assembly.mechanics import Rows, joints_for_core, numbers
+from carom.scene.checks.carriers import Carrier
 from carom.scene.checks.joint_start import MOST_ROWS, Group, groups
 from carom.scene.checks.overlap import overlaps
 from carom.scene.checks.walls import called
@@ -46,7 +46,9 @@ class Joined(NamedTuple):
     """The joints of a scene."""
 
     around: dict[int, list[Group]]
-    """The groups of joints of each ball that has some."""
+    """The groups of joints of each body that has some, by its number (`Carrier.number`)."""
+    carrier: dict[int, Carrier]
+    """Of each ball of these bodies."""
     rows: dict[int, Rows]
     """By number of the joint."""
 
@@ -70,11 +72,12 @@ def advise_joint_contacts(parts: Whole) -> Iterator[Finding]:
     """Joints that hold the normal of a contact whose friction is wanted, each contact with its joints."""
     if not parts.entries["joint"]:
         return
-    systems = Joined({}, {})
+    systems = Joined({}, {}, {})
     for group in groups(parts, MOST_ROWS):
         systems.rows.update(group.joints)
         for body in group.bodies:
-            systems.around.setdefault(body, []).append(group)
+            systems.around.setdefault(body.number, []).append(group)
+            systems.carrier.update(dict.fromkeys(body.balls, body))
     entries = dict(parts.tables(Joint))
     told = 0
     for touch in _touches(parts, systems):
@@ -101,7 +104,7 @@ def advise_joint_contacts(parts: Whole) -> Iterator[Finding]:
 def _touches(parts: Whole, systems: Joined) -> Iterator[Touch]:
     """Contacts of balls with joints that are closed at the start, or that prescribed motion could close."""
     bodies, materials = parts.bodies(), parts.materials()
-    held = sorted(systems.around)
+    held = sorted(systems.carrier)
     driven = any(_moves(systems, joint) for joint in systems.rows)
     there = np.array(held)
     position, radius = bodies.position[there], bodies.radius[there]
@@ -113,8 +116,9 @@ def _touches(parts: Whole, systems: Joined) -> Iterator[Touch]:
             normal = normals(wall, position[k : k + 1])[0]
             yield Touch(held[k], None, normal, float(gap[k]), wall, called(wall), wall.material)
     joints = [joint for _, joint in parts.tables(Joint)]
-    free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), bodies.radius)
-    for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, parts.periods):
+    free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), bodies.radius, bodies.clump)
+    together = bodies.clump[there]
+    for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, parts.periods, together):
         a, b = held[i], held[j]
         if free.holds(np.array([a]), np.array([b]))[0]:
             continue
@@ -131,8 +135,8 @@ def _taken(parts: Whole, systems: Joined, touch: Touch) -> tuple[list[int], str]
     law = _law(parts, parts.materials()[bodies.material[touch.a]], touch.material)
     if law is None:
         return None
-    load = _share(systems, _row(bodies, touch, touch.normal, np.zeros(3)))
-    if load is None or all(_at_rest(systems, row) for row in _slips(bodies, touch, law)):
+    load = _share(systems, _row(parts, systems, touch, touch.normal, np.zeros(3)))
+    if load is None or all(_at_rest(systems, row) for row in _slips(parts, systems, touch, law)):
         return None
     when = ""
     if touch.gap > TOUCHING * bodies.radius[touch.a]:
@@ -143,26 +147,30 @@ def _taken(parts: Whole, systems: Joined, touch: Touch) -> tuple[list[int], str]
     return sorted(load, key=lambda joint: -np.abs(load[joint]).max()), when
 
 
-def _row(bodies: Bodies, touch: Touch, at_point: F64, turning: F64) -> dict[int, F64]:
+def _row(parts: Whole, systems: Joined, touch: Touch, at_point: F64, turning: F64) -> dict[int, F64]:
     """Row over (v, w) of both bodies: of the velocity of the contact point along a direction, and of the turn."""
-    row = {}
-    for body, sign in ((touch.a, 1.0), (touch.b, -1.0)):
-        if body is not None:
-            lever = -sign * bodies.radius[body] * touch.normal
-            row[body] = sign * np.concatenate([at_point, np.cross(lever, at_point) + turning])
+    row, bodies = {}, parts.bodies()
+    for ball, sign in ((touch.a, 1.0), (touch.b, -1.0)):
+        if ball is not None:
+            body = systems.carrier[ball]
+            lever = -sign * bodies.radius[ball] * touch.normal
+            if body.axes is not None:
+                lever = lever + bodies.position[ball] - body.centre
+            turned = body.turning(np.cross(lever, at_point) + turning)
+            row[body.number] = sign * np.concatenate([at_point, turned])
     return row
 
 
-def _slips(bodies: Bodies, touch: Touch, law: Contact) -> Iterator[dict[int, F64]]:
+def _slips(parts: Whole, systems: Joined, touch: Touch, law: Contact) -> Iterator[dict[int, F64]]:
     """The motions that the load of this contact would brake."""
     n, none = touch.normal, np.zeros(3)
     across = np.linalg.svd(n[None])[2][1:]
     if _friction(law):
-        yield from (_row(bodies, touch, t, none) for t in across)
+        yield from (_row(parts, systems, touch, t, none) for t in across)
     if law.rolling_radius:
-        yield from (_row(bodies, touch, none, t) for t in across)
+        yield from (_row(parts, systems, touch, none, t) for t in across)
     if law.spinning_radius:
-        yield _row(bodies, touch, none, n)
+        yield _row(parts, systems, touch, none, n)
 
 
 def _friction(law: Contact) -> bool:
@@ -176,7 +184,7 @@ def _law(parts: Whole, *pair: str) -> Contact | None:
 def _share(systems: Joined, row: dict[int, F64]) -> dict[int, F64] | None:
     """What the rows of each joint add to a row, by number of the joint; None if the joints do not hold it."""
     for system in systems.around[next(iter(row))]:
-        if all(body in system.bodies for body in row):
+        if all(system.place(body) is not None for body in row):
             found = _share_of(system, row)
             if found is not None:
                 return found
@@ -194,9 +202,9 @@ def _share(systems: Joined, row: dict[int, F64]) -> dict[int, F64] | None:
 def _share_of(system: Group, row: dict[int, F64]) -> dict[int, F64] | None:
     root = np.sqrt(system.mass)
     wanted = np.zeros(len(root))
-    for body, part in row.items():
-        at = 6 * system.bodies.index(body)
-        wanted[at : at + 6] = part
+    for k, body in enumerate(system.bodies):
+        if body.number in row:
+            wanted[6 * k : 6 * k + 6] = row[body.number]
     matrix, wanted = (system.gradient / root).T, wanted / root
     size = np.linalg.norm(matrix, axis=0)
     factor = np.linalg.lstsq(matrix / size, wanted, rcond=HELD**2)[0]

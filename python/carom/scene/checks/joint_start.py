@@ -7,7 +7,7 @@ more than rounding gets advice, what is more than a rounded number can explain i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from carom.arrays import F64, connected
 from carom.errors import quoted
 from carom.scene.assembly.bodies import Bodies
 from carom.scene.assembly.mechanics import GROUND_INDEX, Row, Rows, joint_rows, numbers, spring_ends
+from carom.scene.checks.carriers import Carrier, Carriers
 from carom.scene.messages import Finding
 from carom.scene.tables.joints import Joint, default_name
 from carom.scene.tables.laws import slope_at_start, value_at
@@ -125,14 +126,18 @@ class Group:
     """Joints that share bodies, as the linear system `G u = c'` in the velocities of these bodies at the start."""
 
     joints: list[tuple[int, Rows]]
-    bodies: list[int]
-    gradient: F64  # (R, 6 B): of the rows over (v, w) of each body
+    bodies: list[Carrier]
+    gradient: F64  # (R, 6 B): of the rows over (v, w) of each body, of a clump w along its principal axes
     velocity: F64  # (6 B,) m/s and rad/s
     rate: F64  # (R,) c'(0), m/s or rad/s
     doubt: F64  # (R,) error of the rate, where it is a difference
     scale: F64  # (R,) sum of the sizes of the terms
     mass: F64  # (6 B,) kg and kg m^2
     size: F64  # (R,) radius of body a, m, of rotations 1
+
+    def place(self, number: int) -> int | None:
+        """Where a body of this number is among all."""
+        return next((k for k, body in enumerate(self.bodies) if body.number == number), None)
 
 
 def _mismatches(parts: Parts) -> Iterator[Mismatch]:
@@ -158,7 +163,7 @@ def _mismatches(parts: Parts) -> Iterator[Mismatch]:
                 cause = (
                     f"{_measure(of, k, bodies)} is {found:.6g} at the start, the joint asks for {wanted:.6g}"
                 )
-                yield Mismatch(index, float(relative[here][k]), cause, _cure(group, of, fitting, bodies))
+                yield Mismatch(index, float(relative[here][k]), cause, _cure(group, of, fitting))
 
 
 def _fitted(group: Group, excess: F64) -> F64 | None:
@@ -185,22 +190,29 @@ def _measure(of: Rows, k: int, bodies: Bodies) -> str:
     return f"the speed (m/s) of the point of {a}{b} along {along}"
 
 
-def _cure(group: Group, of: Rows, fitting: F64 | None, bodies: Bodies) -> str:
+def _cure(group: Group, of: Rows, fitting: F64 | None) -> str:
     """Velocities that fit all joints of the group at once, those of the joint's own bodies first."""
     if fitting is None:
         return "no velocities fit all joints of these bodies: they contradict each other, compare their laws"
-    own = [body for body in (of.a, of.b) if body != GROUND_INDEX]
+    own = [ball for ball in (of.a, of.b) if ball != GROUND_INDEX]
+    order = sorted(
+        range(len(group.bodies)),
+        key=lambda k: next((i for i, ball in enumerate(own) if ball in group.bodies[k].balls), len(own)),
+    )
     noise = 1e-12 * max(np.abs(fitting).max(), np.abs(group.velocity).max())
     written: list[str] = []
     changed = 0
-    for body in (*own, *(body for body in group.bodies if body not in own)):
-        at = 6 * group.bodies.index(body)
-        found = []
-        for key, part in (("velocity", slice(at, at + 3)), ("angular_velocity", slice(at + 3, at + 6))):
+    for k in order:
+        body, found = group.bodies[k], []
+        for key, part in (
+            ("velocity", slice(6 * k, 6 * k + 3)),
+            ("angular_velocity", slice(6 * k + 3, 6 * k + 6)),
+        ):
             new, old = fitting[part], group.velocity[part]
             if np.abs(new - old).max() > noise:
+                new = body.turning_back(new) if key == "angular_velocity" else new
                 listed = ", ".join(f"{0.0 if abs(x) < noise else x:.9g}" for x in new)
-                found.append(f"{key} = [{listed}] of {quoted(bodies.names[body])}")
+                found.append(f"{key} = [{listed}] of {quoted(body.name)}")
         changed += bool(found)
         if changed <= MOST_FITTED:
             written += found
@@ -244,27 +256,32 @@ def _redundant(parts: Parts) -> Iterator[Finding]:
 
 def groups(parts: Parts, most: int) -> Iterator[Group]:
     """All joints in groups that share bodies; those of more than `most` rows joint by joint."""
-    bodies = parts.bodies()
+    bodies, carriers = parts.bodies(), Carriers(parts)
     number = numbers(bodies)
     joints = [(i, joint_rows(j, bodies, number)) for i, j in parts.tables(Joint)]
-    pairs = np.array([(of.a, of.b) for _, of in joints if of.b != GROUND_INDEX], dtype=np.int64).reshape(
-        -1, 2
-    )
+    held = {ball for _, of in joints for ball in (of.a, of.b) if ball != GROUND_INDEX}
+    carrier = {ball: carriers.of(ball) for ball in held}
+    pairs = np.array(
+        [(carrier[of.a].number, carrier[of.b].number) for _, of in joints if of.b != GROUND_INDEX],
+        dtype=np.int64,
+    ).reshape(-1, 2)
     label = connected(len(bodies.names), *pairs.T)
     groups: dict[int, list[tuple[int, Rows]]] = {}
     for i, of in joints:
-        groups.setdefault(int(label[of.a]), []).append((i, of))
+        groups.setdefault(int(label[carrier[of.a].number]), []).append((i, of))
     h = 0.01 * parts.run.step if parts.run is not None else 0.0
     for group in groups.values():
-        if sum(len(of.rows) for _, of in group) > most:
-            yield from (_system([one], bodies, h) for one in group)
-        else:
-            yield _system(group, bodies, h)
+        for some in [[one] for one in group] if sum(len(of.rows) for _, of in group) > most else [group]:
+            yield _system(some, bodies, carrier, h)
 
 
-def _system(joints: list[tuple[int, Rows]], bodies: Bodies, h: float) -> Group:
-    members = sorted({body for _, of in joints for body in (of.a, of.b) if body != GROUND_INDEX})
-    place = {body: 6 * k for k, body in enumerate(members)}
+def _system(
+    joints: list[tuple[int, Rows]], bodies: Bodies, carrier: Mapping[int, Carrier], h: float
+) -> Group:
+    balls = {ball for _, of in joints for ball in (of.a, of.b) if ball != GROUND_INDEX}
+    found = {carrier[ball].number: carrier[ball] for ball in balls}
+    members = [found[number] for number in sorted(found)]
+    place = {body.number: 6 * k for k, body in enumerate(members)}
     count = sum(len(of.rows) for _, of in joints)
     gradient = np.zeros((count, 6 * len(members)))
     rate, doubt, scale = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -273,23 +290,24 @@ def _system(joints: list[tuple[int, Rows]], bodies: Bodies, h: float) -> Group:
         for row in of.rows:
             rate[k], doubt[k] = slope_at_start(row.law, h) if h > 0 else (0.0, math.inf)
             scale[k] = abs(rate[k])
-            for body, point, sign in ((of.a, row.point_a, 1.0), (of.b, row.point_b, -1.0)):
-                if body == GROUND_INDEX:
+            for ball, point, sign in ((of.a, row.point_a, 1.0), (of.b, row.point_b, -1.0)):
+                if ball == GROUND_INDEX:
                     continue
-                lever = point - bodies.position[body]
+                body = carrier[ball]
+                lever = point - body.centre
                 d = np.array(row.direction)
                 turning = d if row.kind == "rotation" else np.cross(lever, d)
-                at = place[body]
-                gradient[k, at + 3 : at + 6] = sign * turning
-                speed = float(np.linalg.norm(bodies.angular_velocity[body]))
+                at = place[body.number]
+                gradient[k, at + 3 : at + 6] = sign * body.turning(turning)
+                speed = float(np.linalg.norm(body.angular_velocity))
                 if row.kind == "rotation":
                     scale[k] += speed
                 else:
                     gradient[k, at : at + 3] = sign * d
-                    scale[k] += float(np.linalg.norm(bodies.velocity[body]) + speed * np.linalg.norm(lever))
+                    scale[k] += float(np.linalg.norm(body.velocity) + speed * np.linalg.norm(lever))
             k += 1
-    both = [(bodies.velocity[m], bodies.angular_velocity[m]) for m in members]
-    mass = np.array([[bodies.mass[m]] * 3 + [bodies.inertia[m]] * 3 for m in members]).ravel()
+    both = [(body.velocity, body.turning(body.angular_velocity)) for body in members]
+    mass = np.array([[body.mass] * 3 + list(body.moments) for body in members]).ravel()
     kinds = [(row.kind, bodies.radius[of.a]) for _, of in joints for row in of.rows]
     size = np.array([1.0 if kind == "rotation" else radius for kind, radius in kinds])
     return Group(joints, members, gradient, np.array(both).ravel(), rate, doubt, scale, mass, size)

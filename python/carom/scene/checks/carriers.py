@@ -1,0 +1,89 @@
+"""What joints and springs move with a ball: the ball itself, or the clump that it is a part of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from carom.arrays import F64
+from carom.scene.assembly.rotations import product, rotated, rotated_back
+from carom.scene.tables.clumps import Clump
+
+if TYPE_CHECKING:
+    from carom.scene.checks.rules import Parts
+
+
+class Carrier(NamedTuple):
+    """A rigid body at the start."""
+
+    number: int
+    """That of the ball; of a clump that of its first ball."""
+    balls: range
+    """Its balls, by number."""
+    name: str
+    mass: float
+    moments: tuple[float, float, float]
+    """Principal moments of inertia, kg m^2."""
+    centre: F64
+    axes: F64 | None
+    """Unit quaternion (4,), w first, from the principal axes to the fixed ones; None of a ball, which has none."""
+    velocity: F64
+    angular_velocity: F64
+
+    def turning(self, vector: F64) -> F64:
+        """A vector (3,) in fixed axes along those in which the inertia is diagonal."""
+        return vector if self.axes is None else rotated_back(self.axes, vector)
+
+    def turning_back(self, vector: F64) -> F64:
+        """The opposite."""
+        return vector if self.axes is None else rotated(self.axes, vector)
+
+    def inverse_mass(self, point: F64, along: F64) -> float:
+        """1/kg, of a force at a point (3,) along a unit vector (3,)."""
+        arm = self.turning(np.cross(point - self.centre, along))
+        return float(1.0 / self.mass + (arm * arm / self.moments).sum())
+
+
+class Carriers:
+    """Of all balls of a scene; only clumps that are there from the start can be held."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._bodies = bodies = parts.bodies()
+        clumps = dict(parts.tables(Clump))
+        self._clumps = {
+            ball: (range(s.start, s.stop), clumps[s.index])
+            for s in bodies.segments
+            if s.section == Clump.section
+            for ball in range(s.start, s.stop)
+        }
+
+    def of(self, ball: int) -> Carrier:
+        """What moves with a ball."""
+        bodies = self._bodies
+        if ball not in self._clumps:
+            j = float(bodies.inertia[ball])
+            return Carrier(
+                ball,
+                range(ball, ball + 1),
+                bodies.names[ball],
+                float(bodies.mass[ball]),
+                (j, j, j),
+                bodies.position[ball],
+                None,
+                bodies.velocity[ball],
+                bodies.angular_velocity[ball],
+            )
+        balls, clump = self._clumps[ball]
+        body = clump.body()
+        return Carrier(
+            balls.start,
+            balls,
+            clump.name,
+            body.mass,
+            body.moments,
+            clump.middle(),
+            product(clump.turn(), body.axes),
+            np.array(clump.velocity),
+            np.array(clump.angular_velocity),
+        )
