@@ -67,11 +67,11 @@ def moment(block: Block, given: F64, own: F64) -> F64:
 @once
 def turned_on(block: Block) -> tuple[F64, F64]:
     """(B, N, 3) velocities and angular velocities of balls of clumps, of the first frames at the places of the second, with
-    the angular velocities before impacts and loads: impact problems have them so.
+    the angular velocities before impacts and loads: restitution is of those of the step's start, as it is of balls.
     """
     rows = block.c1.copy()
     rows[..., 7:10] = block.c0[..., 7:10]
-    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], before(block).momenta)
+    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], before(block).momenta - by_loads(block))
     found = rigid.placed(block.run, block.x1, block.q1, rows)
     return found[2], found[3]
 
