@@ -218,6 +218,26 @@ def sticky(size: str) -> Iterator[tuple[str, Case]]:
     yield "sticky/clumps", functools.partial(run, scene, steps=STEPS[size])
 
 
+def held(size: str) -> Iterator[tuple[str, Case]]:
+    """Clumps with joints, springs, drag and loads, one of them over a floor."""
+    import carom
+
+    scene = carom.Scene("held", run={"step": 1e-3, "until": 1.0})
+    scene.contact("grain", "grain", friction=0.4, restitution=0.5, tangential_restitution=0.2)
+    scene.plane("floor", material="grain", point=(0, 0, 0), normal=(0.1, 0, 1))
+    rod = [[-0.012, 0, 0, 0.01], [0.012, 0, 0, 0.008], [0.02, 0.01, 0, 0.005]]
+    for k in range(3):
+        scene.clump(
+            f"rod{k}-", material="grain", spheres=rod, density=2500, position=(0.06 * k, 0, 0.05 + 0.02 * k)
+        )
+    scene.joint("ball", between=("rod0-2", "rod1-1"), point=(0.03, 0, 0.06))
+    scene.joint("fix", body="rod1-2")
+    scene.spring("rod2-1", "ground", points=[(0.108, 0.01, 0.09), (0.1, 0, 0.3)], stiffness=5.0, damping=0.02)
+    scene.drag("all", translation=0.01, rotation=1e-6)
+    scene.load("rod2-2", force=(0, {"expression": "0.01*sin(50*t)"}, 0), torque=(1e-5, 0, 0))
+    yield "held/clumps", functools.partial(run, scene, steps=STEPS[size])
+
+
 def events(size: str) -> Iterator[tuple[str, Case]]:
     """A break by method `events`."""
     from carom import billiards
@@ -254,5 +274,5 @@ def problems(size: str) -> Iterator[tuple[str, Case]]:
 
 def every(size: str) -> dict[str, Case]:
     """All cases of a size, `short` or `full`, by name."""
-    sources = (scenarios, drops, periodic, sticky, events, penalty, problems)
+    sources = (scenarios, drops, periodic, sticky, held, events, penalty, problems)
     return {name: case for source in sources for name, case in source(size)}

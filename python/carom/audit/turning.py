@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, clump_loads, flights, forces, recorded, rigid
+from carom.audit import answers, clump_loads, flights, forces, loads_once, recorded, rigid
 from carom.audit.block import Block, once
 from carom.audit.data import Run
-from carom.audit.vectors import EPS, conjugate, cross, dot, norm, product, rotation_vector
+from carom.audit.vectors import EPS, conjugate, cross, dot, norm, product, rotated, rotation_vector
 
 
 class Before(NamedTuple):
@@ -71,9 +71,33 @@ def turned_on(block: Block) -> tuple[F64, F64]:
     """
     rows = block.c1.copy()
     rows[..., 7:10] = block.c0[..., 7:10]
-    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], before(block).momenta - by_loads(block))
+    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], at_start(block)[0])
     found = rigid.placed(block.run, block.x1, block.q1, rows)
     return found[2], found[3]
+
+
+@once
+def at_start(block: Block) -> tuple[F64, F64]:
+    """(B, C, 3) momenta of the first frames, turned by what corrected positions since, and how far off (B, C) that may be.
+
+    Without loads and joints they are those before impacts. With them they are turned from the end of the flight: by the
+    corrections alone where contacts have no loads, that turn a clump and not its momentum.
+    """
+    run, clumps, flight = block.run, block.run.clumps, flights.of_block(block)
+    loads = clump_loads.of_block(block)
+    turn = product(block.c1[..., 3:7], conjugate(flight.rows[..., 3:7]))
+    turned = rotated(turn, clumps.momenta(block.c0) + flight.kick - loads.impulse[..., 3:])
+    other = before(block).momenta - by_loads(block)
+    free = (norm(by_loads(block)) == 0.0)[..., None]
+    pressed = np.zeros((block.count, run.bodies + 1), dtype=bool)
+    if run.loads_once and run.has_contacts:
+        c = block.rows
+        rows = np.flatnonzero(norm(loads_once.of_loads(block).remained) > 0.0)
+        for body in (c.a[rows], np.minimum(c.b[rows], run.bodies)):
+            pressed[c.k[rows], body] = True
+    loaded = clumps.over(np.logical_or, pressed[:, : run.bodies])
+    off = np.where(loaded & ~free[..., 0], norm(turned - other), 0.0)
+    return np.where(free, other, turned), off
 
 
 @once
@@ -87,7 +111,7 @@ def unsure(block: Block) -> F64:
     angle = np.minimum(turned + flight.off, 2.0)
     found = np.zeros((block.count, run.bodies))
     hidden = np.where(loads.unknown, norm(before(block).momenta - clumps.momenta(block.c0)), 0.0)
-    each = clumps.reach / clumps.least * (angle * given + loads.slack[..., 1] + hidden)
+    each = clumps.reach / clumps.least * (angle * given + loads.slack[..., 1] + hidden + at_start(block)[1])
     found[:, clumps.balls] = np.nan_to_num(each)[:, clumps.of]
     return found
 
