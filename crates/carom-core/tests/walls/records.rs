@@ -47,7 +47,8 @@ fn torques_count_from_the_place_of_the_wall() {
     let mut s = run(&input, options(1e-3), 0.2);
     let weight = MASS * G * 1e-3;
     for (n, six) in s.take_block().walls.chunks(6).enumerate() {
-        let place = 2.0 * 1e-3 * (n + 1) as f64;
+        // The weight acts half-way through each step.
+        let place = 2.0 * 1e-3 * (n as f64 + 0.5);
         close(six[3], 0.2 * weight, 1e-15);
         close(six[4], (0.3 - place) * weight, 1e-15);
     }
