@@ -63,9 +63,6 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... is above ..., more than any pair of solids has: such contacts stick": [
         ("friction", "friction = 0.2 -> friction = 20.0")
     ],
-    '"all" would act on balls that enter in the course of the run, and what enters must be free': [
-        ("drag", INFLOW + FAR + '[[drag]]\non = "all"\ntranslation = 1.0\n')
-    ],
     "centre is given without inertia: with another centre of mass the body is not homogeneous": [
         ("clump", RIGID + "centre = [0, 0, 0]\n")
     ],

@@ -136,7 +136,9 @@ def test_a_clump_that_is_held_does_not_leave() -> None:
     scene.outlet(low=(-1, -1, -1), high=(1, 1, 1))
     (advice,) = told(scene)
     assert "all balls that are there at the start leave at once" in advice
-    scene.drag("tee1-3", translation=0.1)
+    scene.drag("tee1-3", translation=0.1)  # which holds nothing
+    assert len(told(scene)) == 1
+    scene.load("tee1-3", force=(0, 0, 0.1))
     (advice,) = told(scene)
     assert advice.startswith('"tee2-" leaves at once')
 

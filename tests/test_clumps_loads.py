@@ -325,7 +325,8 @@ def test_an_outlet_takes_no_clump_that_a_load_holds(held: bool) -> None:
     made = scene(G)
     bar(made)
     if held:
-        made.drag("bar4", translation=1e-3)
+        made.load("bar4", force=(0, 0, 1e-3))
+    made.drag("bar2", translation=1e-3)  # which holds nothing
     made.outlet(low=(-1, -1, -9), high=(1, 1, -0.01))
     result = carom.simulate(made, step=1e-3, until=0.1)
     assert bool(result.clumps["bar"].present[-1]) == held

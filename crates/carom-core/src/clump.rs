@@ -35,26 +35,31 @@ pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
     let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     for (number, i, clump) in present(model, state) {
         let (q, w) = (state.orientation[i], state.angular_velocity[i]);
-        let momentum = clump.momentum(q, w);
         let [pseudo, acceleration] = [state.pseudo[i][1], state.acceleration[i][1]];
-        let by_moments = on.coefficients.predict(DVec3::ZERO, pseudo, acceleration);
-        scratch.clumps.free[number] = (clump.free_turn(q, momentum, on.span.h), momentum);
+        // Without loads and joints there are none, whatever a state of another version has there.
+        let by_moments = match model.is_free() {
+            true => Prediction::default(),
+            false => (on.coefficients).predict(DVec3::ZERO, pseudo, acceleration),
+        };
+        scratch.clumps.at_start[number] = clump.momentum(q, w);
         scratch.clumps.by_moments[number] = by_moments;
     }
     turn_by_moments(on)
 }
 
-/// Turns clumps by the moments of the smooth step as far as they are known: freely, and by the second order of these. Their balls follow.
+/// Turns clumps by the moments of the smooth step as far as they are known: freely, with the mean angular momentum of the step. (A turn by that of t_n
+/// and then one by the moments is no symmetric scheme: tops gain energy.) Their balls follow.
 pub(crate) fn turn_by_moments(on: &mut Step) -> Result<(), Failure> {
     let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
     for (number, i, clump) in present(model, state) {
-        let (free, before) = scratch.clumps.free[number];
+        let (before, h) = (scratch.clumps.at_start[number], on.span.h);
         let (by, mean) = (scratch.clumps.by_moments[number], clump.mean_inertia());
-        let to = advance(clump.turning(free, mean * by.displacement), free);
+        let turning = before + mean / h * by.displacement;
+        let to = clump.free_turn(state.orientation[i], turning, h);
         let momentum = before + mean * by.velocity;
         let (from, end) = (state.angular_velocity[i], clump.turning(to, momentum));
         let fastest = from.length().max(end.length());
-        refuse_far(model, i, clump, fastest * on.span.h)?;
+        refuse_far(model, i, clump, fastest * h)?;
         scratch.clumps.momentum[number] = momentum;
         scratch.clumps.spin_before[number] = clump.turning(to, before);
         scratch.angular[i] = Prediction {
@@ -184,7 +189,7 @@ pub(crate) fn turn_back(model: &Model, state: &State, scratch: &mut Scratch) {
 
 /// Velocities before impacts, of clumps that have been turned since the smooth step. While loads turn them the angular momentum stays. What corrects
 /// positions takes their angular velocity along with the body: it would give them energy, or a spin that no force makes. Loads that it took back have
-/// turned nothing.
+/// turned nothing. Where joints hold a clump they correct what is left of their own motion: its momentum stays, and impacts find the motion of t_n.
 pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratch) {
     let taken_back = match model.clumps.is_empty() {
         true => Vec::new(),
@@ -199,8 +204,14 @@ pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratc
         let back = clump.turning(all_loads, taken_back[number]);
         let by_loads = advance(-back, all_loads);
         let corrected = end * by_loads.inverse();
-        scratch.angular[i].velocity = corrected * clump.turning(by_loads, momentum);
-        scratch.clumps.spin_before[number] = corrected * clump.turning(by_loads, before);
+        let of_ends = match model.is_jointed(clump.balls.start) {
+            true => [state.angular_velocity[i], clump.turning(end, momentum)],
+            false => [before, momentum].map(|of| corrected * clump.turning(by_loads, of)),
+        };
+        [
+            scratch.clumps.spin_before[number],
+            scratch.angular[i].velocity,
+        ] = of_ends;
         give(clump, i, scratch);
     }
 }

@@ -144,11 +144,15 @@ class Replay:
         self.old[(every[:, None] * run.bodies + np.flatnonzero(run.in_clump)).ravel()] = np.concatenate(
             turning.turned_on(block), axis=-1
         )[:, run.in_clump].reshape(-1, 6)
+
         #: (K,) by how much the velocities of before may be off at each row, m/s.
-        begun = turning.unsure(block)
-        self.begun = begun[r.k, r.a] + np.where(
-            r.b < run.bodies, begun[r.k, np.minimum(r.b, run.bodies - 1)], 0.0
-        )
+        def of_both(each: F64) -> F64:
+            of_b = np.where(r.b < run.bodies, each[r.k, np.minimum(r.b, run.bodies - 1)], 0.0)
+            return np.asarray(each[r.k, r.a] + of_b)
+
+        self.begun = of_both(turning.unsure(block))
+        #: (K,) by how much loads may have answered otherwise, N s.
+        self.swung = of_both(turning.swung(block))
         self.scratch = np.zeros_like(self.now)
         # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
         ball = np.minimum(r.b, run.bodies - 1)
@@ -404,7 +408,7 @@ class Replay:
         rho = bounds.left(self.block, self.plain, self._terms(rows, at, change), solved, self.speed)
         turned_by = turned_loads(self.block, r.k, self.first[rows], r.normal) if r.problem[0] == 0 else 0.0
         left, own, push = (
-            rho[r.k] + turned_by,
+            rho[r.k] + turned_by + self.swung[rows],
             [of[rows] for of in self.compliance],
             self.push[rows],
         )

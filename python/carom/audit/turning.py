@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carom.arrays import F64
+from carom.arrays import F64, Bool
 from carom.audit import answers, clump_loads, flights, forces, loads_once, recorded, rigid
 from carom.audit.block import Block, once
 from carom.audit.data import Run
@@ -71,9 +71,27 @@ def turned_on(block: Block) -> tuple[F64, F64]:
     """
     rows = block.c1.copy()
     rows[..., 7:10] = block.c0[..., 7:10]
-    rows[..., 10:] = block.run.clumps.turning(rows[..., 3:7], at_start(block)[0])
+    turned = block.run.clumps.turning(rows[..., 3:7], at_start(block)[0])
+    rows[..., 10:] = np.where(jointed(block.run)[:, None], block.c0[..., 10:], turned)
     found = rigid.placed(block.run, block.x1, block.q1, rows)
     return found[2], found[3]
+
+
+@once
+def swung(block: Block) -> F64:
+    """(B, N) impulses by which loads on balls of clumps may differ from those recorded, N s: at levers that positions turned."""
+    clumps, flight, given = block.run.clumps, flights.of_block(block), clump_loads.of_block(block).impulse
+    turned = norm(rotation_vector(product(block.c1[..., 3:7], conjugate(flight.rows[..., 3:7]))))
+    # Both where the step ends and in what answers contacts there.
+    size = 2.0 * (norm(given[..., :3]) + norm(given[..., 3:]) / clumps.reach)
+    found = np.zeros((block.count, block.run.bodies))
+    found[:, clumps.balls] = np.nan_to_num(np.minimum(turned + flight.off, 2.0) * size)[:, clumps.of]
+    return found
+
+
+def jointed(run: Run) -> Bool:
+    """(C,) clumps that joints hold: impacts find the spin of the step's start, and corrections turn no momentum."""
+    return np.asarray(run.clumps.over(np.logical_or, run.jointed[None, : run.bodies])[0])
 
 
 @once
@@ -97,7 +115,7 @@ def at_start(block: Block) -> tuple[F64, F64]:
             pressed[c.k[rows], body] = True
     loaded = clumps.over(np.logical_or, pressed[:, : run.bodies])
     off = np.where(loaded & ~free[..., 0], norm(turned - other), 0.0)
-    return np.where(free, other, turned), off
+    return np.where(free, other, turned), np.where(jointed(run), 0.0, off)
 
 
 @once
@@ -111,7 +129,11 @@ def unsure(block: Block) -> F64:
     angle = np.minimum(turned + flight.off, 2.0)
     found = np.zeros((block.count, run.bodies))
     hidden = np.where(loads.unknown, norm(before(block).momenta - clumps.momenta(block.c0)), 0.0)
-    each = clumps.reach / clumps.least * (angle * given + loads.slack[..., 1] + hidden + at_start(block)[1])
+    momenta, off = at_start(block)
+    each = clumps.reach / clumps.least * (angle * given + loads.slack[..., 1] + hidden + off)
+    # Turned by what is not known, the same momentum is another spin.
+    apart = clumps.reach * (1.0 / clumps.least - 1.0 / clumps.most)
+    each = each + np.where(given > 0.0, apart * norm(momenta) * flight.off, 0.0)
     found[:, clumps.balls] = np.nan_to_num(each)[:, clumps.of]
     return found
 

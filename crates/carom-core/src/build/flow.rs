@@ -6,10 +6,11 @@ use crate::outcome::{within_bounds, Entry, ModelError, FASTEST};
 use crate::wall;
 use glam::DVec3;
 
-/// Balls with a joint or a load of their own; what is no ball may be among them.
+/// Balls that a joint or a load of their own holds; what is no ball may be among them. Drag holds none.
 fn held_bodies(input: &ModelInput) -> impl Iterator<Item = u32> + '_ {
     let joined = input.joints.iter().flat_map(|j| [j.a, j.b]);
-    joined.chain(input.loads.iter().flat_map(|l| l.bodies()).flatten())
+    let loads = input.loads.iter().filter(|load| load.holds());
+    joined.chain(loads.flat_map(|l| l.bodies()).flatten())
 }
 
 /// Checks those of a description.

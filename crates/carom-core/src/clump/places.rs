@@ -19,8 +19,8 @@ pub struct Clumps {
     /// The same half-way between both ends of the step.
     middle: Vec<DVec3>,
     pub orientation: Vec<DQuat>,
-    /// Where each would turn to in the step without moments (see [`Clump::free_turn`]), and its angular momentum at t_n, kg m^2/s.
-    pub(super) free: Vec<(DQuat, DVec3)>,
+    /// Angular momentum of each at t_n, kg m^2/s.
+    pub(super) at_start: Vec<DVec3>,
     /// What moments of the smooth step give each: angular momentum over its mean moment of inertia.
     pub(super) by_moments: Vec<Prediction>,
     /// Angular momentum where the smooth step ends, kg m^2/s.
@@ -46,7 +46,7 @@ impl Clumps {
             lever: vec![DVec3::ZERO; balls],
             middle: vec![DVec3::ZERO; balls],
             orientation: vec![DQuat::IDENTITY; count],
-            free: vec![(DQuat::IDENTITY, DVec3::ZERO); count],
+            at_start: vec![DVec3::ZERO; count],
             by_moments: vec![Prediction::default(); count],
             momentum: vec![DVec3::ZERO; count],
             spin_before: vec![DVec3::ZERO; count],
@@ -137,7 +137,7 @@ impl Clumps {
 
     /// Angular momenta of a clump with what cohesion gave it, kg m^2/s: at t_n, and with the moments of the smooth step.
     pub(super) fn momenta(&self, number: usize) -> [DVec3; 2] {
-        [self.free[number].1, self.momentum[number]].map(|of| of + self.moment[number])
+        [self.at_start[number], self.momentum[number]].map(|of| of + self.moment[number])
     }
 
     /// Angular velocity of a body that impacts find, rad/s.

@@ -3,6 +3,7 @@
 use crate::energy;
 use crate::flow::room::Room;
 use crate::flow::{Event, Exchange, Inflow, Outlet};
+use crate::force::total::{add_loads, motion_of};
 use crate::model::Model;
 use crate::state::State;
 use crate::wall::places::{displacement, Walls};
@@ -34,8 +35,26 @@ pub(crate) fn exchange(
         let there = |body: u32| present.get(body as usize).is_none_or(|&p| p);
         (state.touches).retain(|t| there(t.key.0) && there(t.key.1));
     }
-    admit(model, state, walls, at, &mut exchange);
+    let entered = admit(model, state, walls, at, &mut exchange);
+    if !(entered.is_empty() || model.loads.is_empty()) {
+        load(model, state, at.1, &entered);
+    }
     exchange
+}
+
+/// Gives bodies that have entered at a time the accelerations that loads make: the filter of accelerations has no other past of them.
+fn load(model: &Model, state: &mut State, time: f64, entered: &[usize]) {
+    let mut wrench = vec![[DVec3::ZERO; 2]; model.bodies()];
+    if add_loads(model, &motion_of(state, time), &mut wrench).is_err() {
+        return; // the step that follows says why
+    }
+    for &i in entered {
+        let [force, moment] = wrench[i];
+        for of in [&mut state.pseudo[i], &mut state.acceleration[i]] {
+            of[0] += model.inv_mass[i] * force;
+            of[1] += model.inv_inertia[i] * moment;
+        }
+    }
 }
 
 /// Whether body `i` is where an outlet takes it.
@@ -63,13 +82,15 @@ pub fn take_out(
     }
 }
 
+/// Lets bodies enter whose time has come; which ones.
 fn admit(
     model: &Model,
     state: &mut State,
     walls: &Walls,
     (step, time): (u64, f64),
     exchange: &mut Exchange,
-) {
+) -> Vec<usize> {
+    let mut entered = Vec::new();
     let early = ON_TIME * model.options.step;
     for (index, flow) in model.flow.inflows.iter().enumerate() {
         let mut room = None;
@@ -104,9 +125,11 @@ fn admit(
                 put(state, i, place.centre, place.turn, velocity, model.gravity);
             }
             state.entered[index] += 1;
+            entered.push(i);
             energy::add(&mut exchange.energy_in, energy::of_body(model, state, i));
         }
     }
+    entered
 }
 
 /// Where a body enters: its centre, m, and its turn from how it waits, if it is turned.

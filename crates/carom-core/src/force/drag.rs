@@ -38,6 +38,10 @@ impl Load for Drag {
         [Some(self.body), None]
     }
 
+    fn holds(&self) -> bool {
+        false
+    }
+
     fn carried(&self, by: &dyn Fn(u32) -> Option<Carrier>) -> Option<Arc<dyn Load>> {
         let clump = by(self.body)?;
         Some(Arc::new(Drag {

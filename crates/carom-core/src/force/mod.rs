@@ -85,6 +85,11 @@ pub trait Load: std::fmt::Debug + Send + Sync {
     /// The spheres it acts on; none named: any.
     fn bodies(&self) -> [Option<u32>; 2];
 
+    /// Whether a body that it acts on stays where outlets are.
+    fn holds(&self) -> bool {
+        true
+    }
+
     /// The same on the clumps that balls belong to; none where it names no ball of a clump.
     fn carried(&self, _by: &dyn Fn(u32) -> Option<Carrier>) -> Option<Arc<dyn Load>> {
         None

@@ -86,7 +86,8 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
         let (smooth, trial) = (&mut scratch.smooth, &mut scratch.trial);
         place(on.state, linear, angular, trial);
         let acceleration = |i: usize| [linear[i].acceleration, angular[i].acceleration];
-        let found = smooth.evaluate(model, trial, acceleration, &weights);
+        let present = &on.state.present;
+        let found = smooth.evaluate(model, (trial, present), acceleration, &weights);
         let relative = evaluated(found, &mut scratch.load_error)?;
         scratch.history[0].values.push(relative);
         report.residual_smooth = relative;

@@ -200,7 +200,7 @@ impl SmoothScratch {
     pub fn evaluate(
         &mut self,
         model: &Model,
-        trial: &mut Trial,
+        (trial, present): (&mut Trial, &[bool]),
         acceleration: impl Fn(usize) -> [DVec3; 2],
         weights: &Weights,
     ) -> Result<f64, LoadError> {
@@ -210,7 +210,7 @@ impl SmoothScratch {
                 ..ResidualTerms::default()
             };
         }
-        self.add_loads(model, trial, weights)?;
+        self.add_loads(model, trial, present, weights)?;
         for (index, joint) in model.joints.iter().enumerate() {
             self.add_joint(model, trial, (index, joint), weights.time);
         }
@@ -242,6 +242,7 @@ impl SmoothScratch {
         &mut self,
         model: &Model,
         trial: &mut Trial,
+        present: &[bool],
         weights: &Weights,
     ) -> Result<(), LoadError> {
         let mut wrench = std::mem::take(&mut trial.wrench);
@@ -250,6 +251,10 @@ impl SmoothScratch {
         trial.wrench = wrench;
         loaded?;
         for (i, w) in trial.wrench.iter_mut().enumerate() {
+            if !present[i] {
+                // A function of the user may have given it something.
+                *w = [DVec3::ZERO; 2];
+            }
             let weight = own_force(model, &self.displaced, i, weights.time);
             let terms = &mut self.residuals[self.residual_of[i] as usize];
             terms.parts += weight.length();
@@ -458,7 +463,12 @@ pub fn initial_accelerations(model: &Model, state: &State) -> (Vec<[DVec3; 2]>, 
     // in the first step, which reports it.
     for _ in 0..3 {
         if scratch
-            .evaluate(model, &mut trial, |i| accelerations[i], &weights)
+            .evaluate(
+                model,
+                (&mut trial, &state.present),
+                |i| accelerations[i],
+                &weights,
+            )
             .is_err()
         {
             return (accelerations, reactions);

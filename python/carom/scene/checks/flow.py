@@ -18,7 +18,7 @@ from carom.scene.checks.walls import TOUCHING, called
 from carom.scene.messages import Finding
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow, Outlet, Region
-from carom.scene.tables.loads import ALL, Drag
+from carom.scene.tables.loads import Drag
 
 if TYPE_CHECKING:
     from carom.scene.checks.rules import Parts, Whole
@@ -57,15 +57,9 @@ def _held(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
     coming = {name for name, there in zip(bodies.names, bodies.present, strict=True) if not there}
     for name, section, index, key, _ in references(parts.entries):
-        if name in coming:
+        if name in coming and section != "drag":  # which holds nothing
             cause = f"{quoted(name)} enters in the course of the run, and what enters must be free"
             yield Finding((section, index, key), cause, "name a sphere that is there from the start")
-    for i, drag in parts.tables(Drag):
-        if drag.on == ALL:
-            cause = (
-                '"all" would act on balls that enter in the course of the run, and what enters must be free'
-            )
-            yield Finding(("drag", i, "on"), cause, "name the spheres one by one, or do without the inflow")
 
 
 def _corners(region: Region) -> F64:
@@ -125,9 +119,7 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
     if not parts.entries["outlet"]:
         return
     bodies = parts.bodies()
-    held = {reference.name for reference in references(parts.entries)}
-    if any(drag.on == ALL for _, drag in parts.tables(Drag)):
-        held.update(bodies.names)
+    held = {of.name for of in references(parts.entries) if of.section != Drag.section}
     there, clumps = bodies.present.copy(), dict(parts.tables(Clump))
     places, names = bodies.position.copy(), list(bodies.names)
     for segment in bodies.segments:
