@@ -79,7 +79,7 @@ def turned_on(block: Block) -> tuple[F64, F64]:
 
 @once
 def swung(block: Block) -> F64:
-    """(B, N) impulses by which loads on balls of clumps may differ from those recorded, N s: at levers that positions turned."""
+    """(B, N) impulses by which loads on clumps may be others than their states tell, N s: positions turn levers."""
     clumps, flight, given = block.run.clumps, flights.of_block(block), clump_loads.of_block(block).impulse
     turned = norm(rotation_vector(product(block.c1[..., 3:7], conjugate(flight.rows[..., 3:7]))))
     # Both where the step ends and in what answers contacts there.

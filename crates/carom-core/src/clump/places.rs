@@ -198,7 +198,8 @@ impl Clumps {
         row[3..].copy_from_slice(&turn.to_array());
     }
 
-    /// Velocities of a body as those of its node, and of a node as those of its body.
+    /// Velocities of a body as those of its node, and of a node as those of its body. S is symmetric: so wrenches and gradients of a body go the other
+    /// way.
     #[inline]
     pub fn to_node(&self, model: &Model, body: u32, motion: [DVec3; 2]) -> [DVec3; 2] {
         self.scaled(model, body, motion, 1)

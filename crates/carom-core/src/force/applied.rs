@@ -28,6 +28,7 @@ impl Applied {
 }
 
 impl Load for Applied {
+    /// (Its moment hangs on the orientation, weakly: the smooth sub-problem iterates it.)
     fn dependence(&self) -> Dependence {
         Dependence::Time
     }

@@ -31,26 +31,11 @@ impl SmoothScratch {
     fn assemble(&mut self, model: &Model, trial: &mut Trial, group: &CoupledBodies, w: Weights) {
         self.matrix.list.clear();
         self.rhs.clear();
-        for (k, &body) in group.bodies.iter().enumerate() {
-            let i = body as usize;
-            let [f, m] = self.residual[i];
+        for (k, &body) in (0..).zip(&group.bodies) {
+            let [f, m] = self.residual[body as usize];
             self.rhs.extend(f.to_array());
             self.rhs.extend(m.to_array());
-            for c in 0..NODE_DOF {
-                let mass = if c < 3 {
-                    model.mass[i]
-                } else {
-                    model.inertia[i]
-                };
-                let at = (NODE_DOF * k + c) as u32;
-                self.matrix.list.push((at, at, w.acceleration * mass));
-            }
-            if let Some(number) = model.as_clump(body) {
-                let mut beyond = Block6::default();
-                let tensor = model.clumps[number].inertia_beyond(trial.orientation[i]);
-                add_block(&mut beyond, 1, 1, tensor, 1.0);
-                self.add_block(k as u32, k as u32, &beyond, w.acceleration);
-            }
+            self.add_mass(model, trial, (k, body), w.acceleration);
         }
         let mut tangents = std::mem::take(&mut trial.tangents);
         tangents.clear();
@@ -108,6 +93,26 @@ impl SmoothScratch {
                 self.rhs.push(-self.constraint[first + r]);
                 row += 1;
             }
+        }
+    }
+
+    /// Adds mass and inertia of a body at its place `k` of a group.
+    fn add_mass(&mut self, model: &Model, trial: &Trial, (k, body): (u32, u32), factor: f64) {
+        let i = body as usize;
+        for c in 0..NODE_DOF as u32 {
+            let mass = if c < 3 {
+                model.mass[i]
+            } else {
+                model.inertia[i]
+            };
+            let at = NODE_DOF as u32 * k + c;
+            self.matrix.list.push((at, at, factor * mass));
+        }
+        if let Some(number) = model.as_clump(body) {
+            let mut beyond = Block6::default();
+            let tensor = model.clumps[number].inertia_beyond(trial.orientation[i]);
+            add_block(&mut beyond, 1, 1, tensor, 1.0);
+            self.add_block(k, k, &beyond, factor);
         }
     }
 

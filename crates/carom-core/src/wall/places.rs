@@ -19,7 +19,8 @@ struct Course {
     /// The walls that move so: those of a mesh, or one.
     first: u32,
     count: u32,
-    /// Displacement of the shapes as they were placed at last.
+    /// Displacement of the shapes at t_n, and as they were placed at last.
+    from: Displacement,
     by: Displacement,
     start: Instant,
     end: Instant,
@@ -95,6 +96,7 @@ impl Walls {
                 self.now[index] = model.walls[index].shape.moved(&to);
             }
             *course = Course {
+                from,
                 by: to,
                 start,
                 end,
@@ -315,11 +317,10 @@ impl Walls {
 
     /// The same at t_n.
     fn point_at_start(&self, model: &Model, b: u32) -> DVec3 {
-        let mesh = (model.mesh_of(b)).zip(model.wall(b).motion.as_ref());
-        match mesh {
-            Some((mesh, motion)) => motion.at(self.span.start).0.point(mesh.point),
-            None if model.mesh_of(b).is_some() => self.point(model, b),
-            None => self.start[b as usize - model.first_wall()].place(),
+        match (model.mesh_of(b), self.course(model, b)) {
+            (None, _) => self.start[b as usize - model.first_wall()].place(),
+            (Some(mesh), Some(course)) => course.from.point(mesh.point),
+            (Some(mesh), None) => mesh.point,
         }
     }
 

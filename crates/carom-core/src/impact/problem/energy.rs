@@ -107,6 +107,12 @@ impl ImpactScratch {
         }
     }
 
+    /// By how much the velocities with the correction `u` differ from those of the jump `from`.
+    fn change(&self, from: &[f64], u: &[f64]) -> Vec<f64> {
+        let rest = self.fixed.iter().zip(from).zip(u);
+        rest.map(|((fixed, from), u)| fixed - from + u).collect()
+    }
+
     /// See [`crate::impact::sequence::ImpactIsland::limits`].
     pub(in crate::impact) fn limits(
         &self,
@@ -117,13 +123,7 @@ impl ImpactScratch {
         let (lambda, u) = with.map_or((&self.lambda, &self.u), |with| (&with.lambda, &with.u));
         let (from, anew) = self.judged_from();
         let velocity: Vec<f64> = self.v_check.iter().zip(from).map(|(v, j)| v + j).collect();
-        let change = |u: &[f64]| -> Vec<f64> {
-            let rest = self.fixed.iter().zip(from);
-            rest.zip(u)
-                .map(|((fixed, from), u)| fixed - from + u)
-                .collect()
-        };
-        let changes = [change(&self.u), change(u)];
+        let changes = [&self.u, u].map(|u| self.change(from, u));
         let joints = self.members.len()..self.full.contacts.len();
         let slots = self.chosen.iter().copied().chain(joints);
         // What a load between two nodes gives one it takes from the other: they have one scale.
