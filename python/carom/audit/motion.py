@@ -351,7 +351,7 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
 
 
 def _levers(block: Block, w: int, k: I64, a: I64) -> tuple[F64, F64]:
-    """(K, 3) from the point of wall `w` to centres at the second frames of intervals `k`, and half of what led there."""
+    """(K, 3) from the point of wall `w` to centres at the second frames of intervals `k`, and what led there since half-way."""
     run, free = block.run, len(block.run.free_walls)
 
     def place(t: F64, x: F64) -> F64:
@@ -362,7 +362,7 @@ def _levers(block: Block, w: int, k: I64, a: I64) -> tuple[F64, F64]:
     start, end = place(block.t0, block.x0), place(block.t1, block.x1)
     centre = run.between(block.t1[k], block.x1[k, a], end)
     way = (block.x1[k, a] - block.x0[k, a]) - (end - start)
-    return centre, np.asarray(0.5 * way)
+    return centre, np.asarray((run.options["theta"] if run.method == "moreau" else 0.5) * way)
 
 
 def _pulled_moments(block: Block, summed: F64, size: F64) -> None:

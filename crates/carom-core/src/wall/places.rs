@@ -337,7 +337,12 @@ impl Walls {
         let from = from[a] - displacement(from, c.b) - start;
         let to = to[a] - displacement(to, c.b) - end;
         let centre = self.periodic.now.nearest(to);
-        let half_way = centre - 0.5 * (to - from);
+        // (Of Moreau-Jean by its weight of the new velocities.)
+        let back = match model.options.method {
+            Method::MoreauJean => model.options.theta,
+            _ => 0.5,
+        };
+        let half_way = centre - back * (to - from);
         [
             centre - radius * c.n1,
             half_way - radius * c.middle_normal(),
