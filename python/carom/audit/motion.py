@@ -351,7 +351,7 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
 
 
 def _levers(block: Block, w: int, k: I64, a: I64) -> tuple[F64, F64]:
-    """(K, 3) from the point of wall `w` to centres at the second frames of intervals `k`, and what led there since half-way."""
+    """(K, 3) from the point of wall `w` to centres at the ends of intervals `k`, and what led there since half-way."""
     run, free = block.run, len(block.run.free_walls)
 
     def place(t: F64, x: F64) -> F64:

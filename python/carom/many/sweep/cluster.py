@@ -94,6 +94,8 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                     partial(
                         distributed.LocalCluster, n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
                         dashboard_address=None, local_directory=scratch, memory_limit=0, silence_logs=logging.CRITICAL,
+                        # It serves by HTTP even without a dashboard: at any port, or two studies at once would be told of.
+                        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                     ),
                     "a worker died while it started, and the others are started again with it",
                     f"{workers} workers cannot be started; give fewer, or workers = 0 for this process alone (a script that"
