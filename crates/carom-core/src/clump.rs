@@ -51,6 +51,9 @@ pub(crate) fn predict(on: &mut Step) -> Result<(), Failure> {
 /// and then one by the moments is no symmetric scheme: tops gain energy.) Their balls follow.
 pub(crate) fn turn_by_moments(on: &mut Step) -> Result<(), Failure> {
     let (model, state, scratch) = (on.model, &*on.state, &mut *on.scratch);
+    if model.clumps.is_empty() {
+        return Ok(());
+    }
     for (number, i, clump) in present(model, state) {
         let (before, h) = (scratch.clumps.at_start[number], on.span.h);
         let (by, mean) = (scratch.clumps.by_moments[number], clump.mean_inertia());

@@ -22,7 +22,9 @@ const TOLERANCE: f64 = 1e-10;
 pub fn solve(on: &mut Step) -> Result<(), Failure> {
     predict(on);
     on.report.iterations_smooth = 1;
-    clump::predict(on)?;
+    if !on.model.clumps.is_empty() {
+        clump::predict(on)?;
+    }
     if !on.model.is_free() {
         iterate(on)?;
     }
