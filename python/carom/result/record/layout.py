@@ -134,7 +134,7 @@ MEANINGS: dict[str, Meaning] = {
     ),
     "frames/walls": Meaning(
         "N s, N m s",
-        "(frame, wall, 6) impulse on each wall since the last frame, and its moment about the wall's point at the frame."
+        "(frame, wall, 6) impulse on each wall since the last frame, and its moment about the wall's point as it moves."
         " World frame; planes first, then /walls",
     ),
     "frames/present": Meaning(
