@@ -41,6 +41,11 @@ def program(page: Path) -> str:
 
 def run(code: str, folder: Path) -> str:
     """Run a program in a folder of its own, as a build of the documentation would; its output."""
+    return interpret(["-c", code], folder)
+
+
+def interpret(arguments: list[str], folder: Path) -> str:
+    """Run Python there; its output."""
     environment = {
         **os.environ,
         "MPLBACKEND": "agg",
@@ -48,7 +53,7 @@ def run(code: str, folder: Path) -> str:
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
     done = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, *arguments],
         cwd=folder,
         env=environment,
         capture_output=True,

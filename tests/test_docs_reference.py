@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from docs_pages import DOCS, blocks
+from docs_pages import DOCS, blocks, interpret
 
 REFERENCE = DOCS / "reference"
 NUMBER = r"-?\d+(?:\.\d+)?"
@@ -18,17 +15,7 @@ NUMBER = r"-?\d+(?:\.\d+)?"
 def python(folder: Path, name: str, text: str) -> str:
     """Write a file and run it there; what it prints. Run from a file, as workers of a study read it again."""
     (folder / name).write_text(text, "utf-8")
-    done = subprocess.run(
-        [sys.executable, name],
-        cwd=folder,
-        env={**os.environ, "MPLBACKEND": "agg"},
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return interpret([name], folder)
 
 
 def stated(page: Path, pattern: str) -> tuple[float, float]:

@@ -75,13 +75,8 @@ pub(crate) fn turn_by_moments(on: &mut Step) -> Result<(), Failure> {
                 (Prediction::default(), scratch.angular[i]);
         }
     }
-    let linear = &scratch.linear;
-    let centres = (scratch.position.iter_mut())
-        .zip(&state.position)
-        .zip(linear);
-    let clumps = model.balls()..model.first_wall();
-    for ((x, from), p) in centres.skip(clumps.start).take(clumps.len()) {
-        *x = *from + p.displacement;
+    for i in model.balls()..model.first_wall() {
+        scratch.position[i] = state.position[i] + scratch.linear[i].displacement;
     }
     place(model, state, scratch, |_| [DVec3::ZERO; 2]);
     for (_, i, clump) in present(model, state) {

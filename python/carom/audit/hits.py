@@ -116,3 +116,17 @@ def pairs(block: Block, r: Hits, group: I64) -> F64:
     many = len(block.run.names)
     _, pair, count = np.unique((r.k * many + r.a) * many + r.b, return_inverse=True, return_counts=True)
     return np.asarray(np.rint(np.bincount(group, 1.0 / count[pair]))[group])
+
+
+def after_cut(block: Block, r: Hits) -> tuple[Bool, Bool]:
+    """(K,) rows that go on by Newton's law after an impact through springs that was cut, and which of them may instead be of
+    one that was not: steps count what was cut, and beside it another island may have had a problem 2 of its own.
+    """
+    run, none = block.run, np.zeros(len(r), dtype=bool)
+    if run.impact_law.restitution != "energetic":
+        return none, none
+    cut = (r.problem > 1) & (run.steps["truncated"][r.step - 1] > 0)
+    joined = groups(block, r)
+    last = np.zeros(joined.max(initial=-1) + 1, dtype=np.int64)
+    np.maximum.at(last, joined, r.problem)
+    return cut, cut & (last[joined] == 2)

@@ -30,7 +30,7 @@ from carom.audit.block import Block
 from carom.audit.centres import at_walls
 from carom.audit.cohesion import on_bodies
 from carom.audit.cones import KEPT, opposed, turned
-from carom.audit.hits import Hits, groups, pairs, place
+from carom.audit.hits import Hits, after_cut, groups, pairs, place
 from carom.audit.loads import of_loads, turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
@@ -103,20 +103,6 @@ def _better(one: Told, other: Told, again: I64) -> Told:
     return Told(*(np.concatenate(part) for part in zip(mine, theirs, strict=True)))
 
 
-def _cut(block: Block, r: Hits) -> tuple[Bool, Bool]:
-    """(K,) rows that go on by Newton's law after an impact through springs that was cut, and which of them may instead be of
-    one that was not: steps count what was cut, and beside it another island may have had a problem 2 of its own.
-    """
-    run, none = block.run, np.zeros(len(r), dtype=bool)
-    if run.impact_law.restitution != "energetic":
-        return none, none
-    cut = (r.problem > 1) & (run.steps["truncated"][r.step - 1] > 0)
-    joined = groups(block, r)
-    last = np.zeros(joined.max(initial=-1) + 1, dtype=np.int64)
-    np.maximum.at(last, joined, r.problem)
-    return cut, cut & (last[joined] == 2)
-
-
 class Replay:
     """The impact problems of all whole steps of a block, problem after problem: islands of a step share no bodies.
 
@@ -145,11 +131,11 @@ class Replay:
             turning.turned_on(block), axis=-1
         )[:, run.in_clump].reshape(-1, 6)
 
-        #: (K,) by how much the velocities of before may be off at each row, m/s.
         def of_both(each: F64) -> F64:
             of_b = np.where(r.b < run.bodies, each[r.k, np.minimum(r.b, run.bodies - 1)], 0.0)
             return np.asarray(each[r.k, r.a] + of_b)
 
+        #: (K,) by how much the velocities of before may be off at each row, m/s.
         self.begun = of_both(turning.unsure(block))
         #: (K,) by how much loads may have answered otherwise, N s.
         self.swung = of_both(turning.swung(block))
@@ -192,7 +178,7 @@ class Replay:
             ),
         )
         of_images = carried.image_speed(block, r.k, images[1])
-        self.cut, self.unsure = _cut(block, r)
+        self.cut, self.unsure = after_cut(block, r)
         #: (K,) rows with walls or images that move.
         self.driven = np.isin(r.b, [run.bodies + w for w, wall in enumerate(run.walls) if wall.moves])
         self.driven |= of_images > 0.0

@@ -81,12 +81,18 @@ def turned_on(block: Block) -> tuple[F64, F64]:
 def swung(block: Block) -> F64:
     """(B, N) impulses by which loads on clumps may be others than their states tell, N s: positions turn levers."""
     clumps, flight, given = block.run.clumps, flights.of_block(block), clump_loads.of_block(block).impulse
-    turned = norm(rotation_vector(product(block.c1[..., 3:7], conjugate(flight.rows[..., 3:7]))))
+    turned = norm(rotation_vector(corrected(block)))
     # Both where the step ends and in what answers contacts there.
     size = 2.0 * (norm(given[..., :3]) + norm(given[..., 3:]) / clumps.reach)
     found = np.zeros((block.count, block.run.bodies))
     found[:, clumps.balls] = np.nan_to_num(np.minimum(turned + flight.off, 2.0) * size)[:, clumps.of]
     return found
+
+
+def corrected(block: Block) -> F64:
+    """(B, C, 4) what turned clumps in the step besides their flights."""
+    flight = flights.of_block(block).rows[..., 3:7]
+    return np.asarray(product(block.c1[..., 3:7], conjugate(flight)))
 
 
 def jointed(run: Run) -> Bool:
@@ -103,8 +109,7 @@ def at_start(block: Block) -> tuple[F64, F64]:
     """
     run, clumps, flight = block.run, block.run.clumps, flights.of_block(block)
     loads = clump_loads.of_block(block)
-    turn = product(block.c1[..., 3:7], conjugate(flight.rows[..., 3:7]))
-    turned = rotated(turn, clumps.momenta(block.c0) + flight.kick - loads.impulse[..., 3:])
+    turned = rotated(corrected(block), clumps.momenta(block.c0) + flight.kick - loads.impulse[..., 3:])
     other = before(block).momenta - by_loads(block)
     free = (norm(by_loads(block)) == 0.0)[..., None]
     pressed = np.zeros((block.count, run.bodies + 1), dtype=bool)
@@ -125,7 +130,7 @@ def unsure(block: Block) -> F64:
     """
     run, clumps, loads = block.run, block.run.clumps, clump_loads.of_block(block)
     flight, given = flights.of_block(block), norm(by_loads(block))
-    turned = norm(rotation_vector(product(block.c1[..., 3:7], conjugate(flight.rows[..., 3:7]))))
+    turned = norm(rotation_vector(corrected(block)))
     angle = np.minimum(turned + flight.off, 2.0)
     found = np.zeros((block.count, run.bodies))
     hidden = np.where(loads.unknown, norm(before(block).momenta - clumps.momenta(block.c0)), 0.0)

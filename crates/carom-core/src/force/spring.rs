@@ -79,22 +79,15 @@ impl Load for Spring {
     }
 
     fn carried(&self, by: &dyn Fn(u32) -> Option<Carrier>) -> Option<Arc<dyn Load>> {
-        let (a, b) = (by(self.a), by(self.b));
-        let on = |clump: &Option<Carrier>, body, arm| match clump {
-            Some(clump) => (clump.body, clump.arm(arm)),
-            None => (body, arm),
-        };
-        let ((a, arm_a), (b, arm_b)) = match (&a, &b) {
-            (None, None) => return None,
-            _ => (on(&a, self.a, self.arm_a), on(&b, self.b, self.arm_b)),
-        };
-        Some(Arc::new(Spring {
-            a,
-            b,
-            arm_a,
-            arm_b,
-            ..*self
-        }))
+        let mut spring = *self;
+        if let Some(clump) = by(self.a) {
+            (spring.a, spring.arm_a) = (clump.body, clump.arm(self.arm_a));
+        }
+        if let Some(clump) = by(self.b) {
+            (spring.b, spring.arm_b) = (clump.body, clump.arm(self.arm_b));
+        }
+        let moved = (spring.a, spring.b) != (self.a, self.b);
+        moved.then(|| Arc::new(spring) as Arc<dyn Load>)
     }
 
     fn check(&self) -> Result<(), (&'static str, String)> {
