@@ -109,9 +109,8 @@ def _glyphs(
     reach = radius[a][:, None] + np.where(pair[:, None], 0.5 * gap, gap)
     position = block.quantities["position"][part]
     points = position[own, a] - reach * column["normal"]
-    if (
-        block.present is not None
-    ):  # a ball may have left since the contact, and then the other one tells its place
+    if block.present is not None:
+        # A ball may have left since the contact, and then the other one tells its place.
         there, of_b = block.present[part], np.minimum(b, count - 1)
         from_b = position[own, of_b] + (radius[of_b][:, None] + 0.5 * gap) * column["normal"]
         b_there = (pair & there[own, of_b])[:, None]
