@@ -242,19 +242,19 @@ pub(crate) fn of_driven(
 ) -> f64 {
     let mut work = 0.0;
     for (c, impulse) in pulls {
-        let a = c.a as usize;
-        if c.meets_wall(model) {
-            // Along the normal half-way, and there.
-            let then = Contact { n0: c.n1, ..*c };
-            let [_, lever] = walls.levers(model, &then, &state.position, position);
-            let on_wall = &mut out[model.wall(c.b).given as usize];
-            on_wall[0] -= *impulse;
-            on_wall[1] -= lever.cross(*impulse);
+        if !c.meets_wall(model) {
+            let image = walls.image_twist(model, c);
+            work += image.map_or(0.0, |image| impulse.dot(image.shape));
+            continue;
         }
-        let start = walls.start_twist(model, c, state.position[a]);
-        if let Some((start, end)) = start.zip(walls.end_twist(model, c, position[a])) {
-            work += impulse.dot(start.mean(&end).shape);
-        }
+        // Along the normal half-way, and there.
+        let then = Contact { n0: c.n1, ..*c };
+        let [_, lever] = walls.levers(model, &then, &state.position, position);
+        let on_wall = &mut out[model.wall(c.b).given as usize];
+        on_wall[0] -= *impulse;
+        on_wall[1] -= lever.arm.cross(*impulse);
+        let mean = walls.mean_twist(model, c, &lever);
+        work += mean.map_or(0.0, |mean| impulse.dot(mean.shape));
     }
     work
 }

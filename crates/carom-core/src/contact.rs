@@ -164,10 +164,11 @@ impl Contact {
         middle
     }
 
-    /// World vector of the impulse of the loads, which acts half-way between both ends of the step.
-    pub fn impulse_of_loads(&self) -> DVec3 {
+    /// World vector of the impulse of the loads, which acts half-way between both ends of the step, and its part along the normal.
+    pub fn impulse_of_loads(&self) -> [DVec3; 2] {
         let middle = self.middle();
-        middle.to_world(middle.n1, &self.load).impulse
+        let impulse = middle.to_world(middle.n1, &self.load).impulse;
+        [impulse, self.load[0] * middle.n1]
     }
 
     /// World vectors of all impulses of the step, and the part along the normal.

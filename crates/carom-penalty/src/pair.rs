@@ -243,7 +243,7 @@ impl Pair {
     pub fn wall_motion(&self, bodies: &Bodies) -> [WallTwist; 2] {
         if let Some(slot) = self.driven {
             let point = bodies.position[self.a as usize] - self.radii[0] * self.normal;
-            return bodies.walls.twists(slot, point);
+            return bodies.walls.twists_of(slot, point);
         }
         let [shape, spin] = bodies.motion[self.b as usize];
         [WallTwist {

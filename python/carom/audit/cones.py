@@ -17,7 +17,7 @@ from carom.arrays import F64, I64, Bool
 from carom.audit import carried, flights, forces, groups, loads_once, recorded, works
 from carom.audit.block import Block, once
 from carom.audit.bounds import floor, gain
-from carom.audit.centres import at_walls, wall_slack
+from carom.audit.centres import at_walls
 from carom.audit.data import Run
 from carom.audit.loads import turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -225,7 +225,7 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
         scale = scale + of_images
-        noise = 64.0 * EPS * scale + wall_slack(block, c.k, c.a, c.b) + kept
+        noise = 64.0 * EPS * scale + kept
         own = compliance(run, c.a, c.b)
         still = 2.0 * own[1] * left + noise
         defect = opposed(part.sliding, found.slip, mu * push, still)

@@ -20,6 +20,7 @@ import numpy as np
 from carom.arrays import F64
 from carom.audit import answers, box_energy, cohesion, flights, groups, reactions, rigid, turning
 from carom.audit.block import Block, Rows, once
+from carom.audit.centres import at_walls, half_way
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
 from carom.audit.forces import absolute, speeds, together
@@ -262,7 +263,7 @@ def _attracted(block: Block) -> tuple[F64, F64]:
             continue
         k, a = pairs.k[mine], pairs.a[mine]
         r = run.radius[a][:, None]
-        first, last = block.x0[k, a] - r * pairs.normal[mine], block.x1[k, a] - r * along[mine]
+        first, last = (x - r * along[mine] for x in half_way(block, k, a, pairs.b[mine]))
         mean = wall.velocity(block.t0[k], first)[0] + wall.velocity(block.t1[k], last, end=True)[0]
         driven += np.bincount(k, 0.5 * dot(impulse[mine], mean), minlength=block.count)
         moved += np.bincount(k, norm(impulse[mine]) * norm(mean), minlength=block.count)
@@ -321,20 +322,26 @@ def _at_start(run: Run) -> tuple[float, float]:
 
 
 def _walls(block: Block) -> F64:
-    """(K,) change of a moving wall's velocity over the interval times its impulse, J: twice what works may differ by."""
+    """(K,) twice what works by moving walls may differ by, J: those on record are against the wall at the end of the step,
+    its own is by its mean over the step, of loads half-way between the places at both ends.
+    """
     run, c = block.run, block.rows
     found = np.zeros(len(c))
     for w, wall in enumerate(run.walls):
         mine = np.flatnonzero(c.b == run.bodies + w)
         if not wall.moves or not mine.size:
             continue
-        k, a = c.k[mine], c.a[mine]
-        radius = run.radius[a][:, None]
-        ends = []
-        for end, time, x in ((False, block.t0, block.x0), (True, block.t1, block.x1)):
-            shape, material, spin = wall.velocity(time[k], x[k, a] - radius * c.normal[mine], end=end)
-            ends.append((shape, material, spin))
-        change = sum(norm(ends[1][j] - ends[0][j]) * (1.0 if j < 2 else run.radius[a]) for j in range(3))
+        k, a, b, normal = c.k[mine], c.a[mine], c.b[mine], c.normal[mine]
+        before, after = (at_walls(block, k, a, b, normal, start=start) for start in (True, False))
+        (first, end), (start, last) = (
+            [
+                np.stack(wall.velocity(t[k], centre - run.radius[a][:, None] * normal, end=after))
+                for centre, t, after in zip(centres, (block.t0, block.t1), (False, True), strict=True)
+            ]
+            for centres in ((before, after), half_way(block, k, a, b))
+        )
+        both = np.maximum(norm(end - first), norm(2.0 * end - start - last))
+        change = both[0] + both[1] + run.radius[a] * both[2]
         found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
     return np.asarray(found + box_energy.unsure(block))
 

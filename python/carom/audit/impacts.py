@@ -13,7 +13,7 @@ import numpy as np
 from carom.arrays import F64, I64
 from carom.audit import answers, bounds, carried, flights, forces, groups, hits, loads_once, recorded, replay
 from carom.audit.block import Block
-from carom.audit.centres import at_walls, wall_slack
+from carom.audit.centres import at_walls
 from carom.audit.cones import struck
 from carom.audit.gaps import closing
 from carom.audit.hits import Hits
@@ -90,20 +90,15 @@ def _unit(block: Block, tally: Tally, r: Hits) -> None:
 def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
     """At some rows for the velocities of the frame before or after the step, along the recorded normals."""
     run = block.run
-    t = block.t0 if start else block.t1
-    foot = normal = r.normal
-    if start:
+    t, normal = block.t0 if start else block.t1, r.normal
+    if start and run.loads_once:  # whose openings are those of t_n
         centre = block.x0[r.k, r.a]
-        _, foot = run.meet(t[r.k], r.a, r.b, centre, block.x0[r.k, np.minimum(r.b, run.bodies - 1)])
-        if run.loads_once:
-            normal = foot
-        elif run.method == "moreau":  # of which all is of the middle of the step
-            foot = normal
+        _, normal = run.meet(t[r.k], r.a, r.b, centre, block.x0[r.k, np.minimum(r.b, run.bodies - 1)])
     else:
-        centre = at_walls(block, r.k, r.a, r.b, normal)
+        centre = at_walls(block, r.k, r.a, r.b, normal, start=start)
     motion = block.motion(r.k, r.a, r.b, start=start)
     image = block.image(r.k, r.a, r.b, end=not start)
-    return rates(run, Pairs(r.a, r.b, t[r.k], centre, foot, not start, image), motion, normal, normal)
+    return rates(run, Pairs(r.a, r.b, t[r.k], centre, normal, not start, image), motion, normal, normal)
 
 
 def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
@@ -126,7 +121,6 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     # Speeds are recorded as the solver left them, velocities follow from its impulses.
     squares = np.bincount(r.k, norm(r.impulse) ** 2, minlength=block.count)
     left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
-    left = left + wall_slack(block, final.k, final.a, final.b)
     off = np.abs(final.separation - _motion(block, final).normal)
     tally.measure("impact speeds", off, 640.0 * EPS * scale + left, hits.place(block, final))
 

@@ -165,17 +165,18 @@ class Replay:
             self.slide = np.where(loads, mean.stated - mean.normal[:, None] * r.normal, self.slide)
             self.arm = np.where(loads, mean.arm, self.arm)
         # Places and times of the walls' own motion, at t_n and at t_{n+1}.
-        self.pairs = (
-            first if once else first._replace(foot=self.lever),
+        self.printed = first._replace(foot=self.lever)
+        self.pairs = tuple(
             Pairs(
                 r.a,
                 r.b,
-                block.t1[r.k],
-                at_walls(block, r.k, r.a, r.b, r.normal),
+                time[r.k],
+                at_walls(block, r.k, r.a, r.b, r.normal, start=not last),
                 r.normal,
-                end=True,
-                image=images[1],
-            ),
+                end=last,
+                image=images[last],
+            )
+            for time, last in ((block.t0, False), (block.t1, True))
         )
         of_images = carried.image_speed(block, r.k, images[1])
         self.cut, self.unsure = after_cut(block, r)
@@ -375,8 +376,8 @@ class Replay:
     def _rates(
         self, rows: slice | I64, motion: tuple[F64, F64], *, old: bool = False, printed: bool = False
     ) -> Rates:
-        """At some rows for motions of their bodies, (K, 6); `old`: walls as at t_n; `printed`: the normal of t_n."""
-        p = self.pairs[0 if old else 1].of(rows)
+        """At some rows for motions of their bodies, (K, 6); `old`: walls as at t_n; `printed`: all of t_n."""
+        p = (self.printed if printed else self.pairs[0 if old else 1]).of(rows)
         (a, b), lever = motion, self.lever[rows]
         normal = lever if printed else self.r.normal[rows]
         return rates(self.block.run, p, (a[:, :3], a[:, 3:], b[:, :3], b[:, 3:]), normal, lever)
@@ -414,7 +415,7 @@ class Replay:
         e_t = np.where(restores, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal
         if printed:
-            towards = self._rates(rows, (before_impact[a], before_impact[b]), old=True, printed=True).normal
+            towards = self._rates(rows, (before_impact[a], before_impact[b]), printed=True).normal
         else:
             acts &= -towards >= o["restitution_threshold"]
             # Whether a contact that hardly approaches restores slip is for the closing tolerance to say.

@@ -18,7 +18,6 @@ use crate::wall::WallTwist;
 use crate::workspace::On;
 use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
 use carom_solve::Status;
-use glam::DVec3;
 
 impl ImpactScratch {
     /// First row of the joints in `full`.
@@ -67,12 +66,9 @@ impl ImpactScratch {
             }
             if walls.any_moves() {
                 let i = c.a as usize;
-                let old = walls.start_twist(model, c, state.position[i]);
-                // Where loads are solved once the smooth step may have left the surface: it is the surface that moves.
-                let left = if once { c.gap * c.n1 } else { DVec3::ZERO };
-                let new = walls.end_twist(model, c, scratch.position[i] - left);
+                let twists = walls.twists(model, c, state, scratch.position[i]);
                 let (mut measures, mut along_middle) = ([[0.0; 6]; 2], [0.0; 6]);
-                if let (Some(old), Some(new)) = (old, new) {
+                if let Some([old, new]) = twists {
                     old.measures(&rows, dim, &mut measures[0]);
                     new.measures(&rows, dim, &mut measures[1]);
                     let [shape, material] = [new.at(c.n1); 2];
@@ -86,7 +82,8 @@ impl ImpactScratch {
                 }
                 self.wall_loads
                     .push((measures[1][0] - measures[0][0]).abs());
-                let opens = old.map_or(0.0, |old| -c.n0.dot(old.shape));
+                let start = walls.start_twist(model, c, state.position[i]);
+                let opens = start.map_or(0.0, |start| -c.n0.dot(start.shape));
                 self.wall_openings.push(opens);
                 for (all, of_contact) in self.driven.iter_mut().zip(&measures) {
                     all.extend_from_slice(&of_contact[..dim]);

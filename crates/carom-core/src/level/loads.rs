@@ -50,9 +50,7 @@ fn solve_single(on: &mut On, m: u32) {
     let [old, new] = single::wall_motion(on, c);
     let mut speeds = Speeds::default();
     speeds.add(model, state, scratch.linear[i].velocity, i);
-    let twists = scratch.walls.start_twist(model, c, state.position[i]);
-    let twists = twists.zip(scratch.walls.end_twist(model, c, scratch.position[i]));
-    if let Some((old, new)) = twists {
+    if let Some([old, new]) = (scratch.walls).twists(model, c, state, scratch.position[i]) {
         speeds.add_wall(&old, &new);
     }
     let load = speeds.load.max((new.normal - old.normal).abs());

@@ -61,12 +61,9 @@ pub fn wall_motion(on: &On, c: &Contact) -> [ContactMeasures; 2] {
     if !scratch.walls.any_moves() {
         return [ContactMeasures::default(); 2];
     }
-    let i = c.a as usize;
-    let old = scratch.walls.start_twist(model, c, state.position[i]);
-    let new = scratch.walls.end_twist(model, c, scratch.position[i]);
-    [old, new].map(|twist| match twist {
-        Some(t) => driven(c, t.shape, t.material, t.spin),
-        None => ContactMeasures::default(),
+    let twists = (scratch.walls).twists(model, c, state, scratch.position[c.a as usize]);
+    twists.map_or([ContactMeasures::default(); 2], |both| {
+        both.map(|t| driven(c, t.shape, t.material, t.spin))
     })
 }
 

@@ -149,8 +149,7 @@ impl<'a, const MOVING: bool> Lone<'a, MOVING> {
         let mut of_walls = [ContactMeasures::default(); 2];
         if MOVING {
             let walls = &scratch.walls;
-            let old = walls.start_twist(model, c, state.position[i]);
-            if let (Some(old), Some(new)) = (old, walls.end_twist(model, c, scratch.position[i])) {
+            if let Some([old, new]) = walls.twists(model, c, state, scratch.position[i]) {
                 speeds.add_wall(&old, &new);
             }
             of_walls = single::wall_motion(on, c);

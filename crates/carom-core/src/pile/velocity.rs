@@ -89,17 +89,8 @@ impl Pile {
     fn take_contacts(&mut self, on: &On, speeds: &mut Speeds) {
         let (scratch, Task { model, state, .. }) = (&*on.scratch, *on.task);
         let (contacts, walls, list) = (&*scratch.contacts, scratch.walls, on.island.contacts);
-        let (memory, once) = (&mut self.velocity, model.options.loads_once());
-        let twists = |c: &Contact| {
-            let from = state.position[c.a as usize];
-            // Where loads are solved once the smooth step may have left the surface: it is the surface that moves.
-            let left = if once { c.gap * c.n1 } else { DVec3::ZERO };
-            let to = scratch.position[c.a as usize] - left;
-            Some([
-                walls.start_twist(model, c, from)?,
-                walls.end_twist(model, c, to)?,
-            ])
-        };
+        let memory = &mut self.velocity;
+        let twists = |c: &Contact| walls.twists(model, c, state, scratch.position[c.a as usize]);
         memory.driven.clear();
         let mut places = Vec::new();
         if walls.any_moves() {

@@ -36,6 +36,15 @@ impl Course {
     fn walls(&self) -> Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
+
+    /// Velocities at both ends of the step, at a point that goes along with the centre of the turn and is here once a share `passed` of it has.
+    fn passing(&self, point: DVec3, passed: f64) -> [WallTwist; 2] {
+        let way = self.end.centre - self.start.centre;
+        [
+            self.start.twist(point - passed * way),
+            self.end.twist(point + (1.0 - passed) * way),
+        ]
+    }
 }
 
 /// Places of all walls in a step.
@@ -218,7 +227,7 @@ impl Walls {
 
     /// Velocity that an image of body B has on top of that of B; `None`: it is no image.
     #[inline]
-    fn image_twist(&self, model: &Model, c: &Contact) -> Option<WallTwist> {
+    pub(crate) fn image_twist(&self, model: &Model, c: &Contact) -> Option<WallTwist> {
         if c.image == IVec3::ZERO {
             return None;
         }
@@ -237,26 +246,43 @@ impl Walls {
         if self.periodic.deforms && !c.meets_wall(model) {
             return self.image_twist(model, c);
         }
-        let course = self.course(model, c.b)?;
-        Some(
-            course
-                .start
-                .twist(centre - model.radius[c.a as usize] * c.n0),
-        )
+        let point = centre - model.radius[c.a as usize] * c.n0;
+        Some(self.course(model, c.b)?.start.twist(point))
     }
 
-    /// The same at t_{n+1}, with the corrected centre.
+    /// The same at t_n and at t_{n+1} as the laws of the contact take them: both at the place of its normal, that of the corrected centre `end` (with
+    /// Moreau-Jean that half-way), which goes along with the wall's point. At the place of the other time a round wall that turns about its own axis
+    /// would move along the normal.
     #[inline]
-    pub fn end_twist(&self, model: &Model, c: &Contact, centre: DVec3) -> Option<WallTwist> {
-        if self.periodic.deforms && !c.meets_wall(model) {
-            return self.image_twist(model, c);
+    pub fn twists(
+        &self,
+        model: &Model,
+        c: &Contact,
+        state: &State,
+        end: DVec3,
+    ) -> Option<[WallTwist; 2]> {
+        if !self.any_moves() {
+            return None;
         }
-        let course = self.course(model, c.b)?;
-        Some(course.end.twist(centre - model.radius[c.a as usize] * c.n1))
+        let a = c.a as usize;
+        let (centre, passed) = match model.options.method {
+            Method::MoreauJean => {
+                let half = 0.5 * self.span.h;
+                (state.position[a] + half * state.velocity[a], 0.5)
+            }
+            // Once the smooth step may have left the surface: it is the surface that moves.
+            _ if model.options.loads_once() => (end - c.gap * c.n1, 1.0),
+            _ => (end, 1.0),
+        };
+        if self.periodic.deforms && !c.meets_wall(model) {
+            return Some([self.image_twist(model, c)?; 2]);
+        }
+        let point = centre - model.radius[a] * c.n1;
+        Some(self.course(model, c.b)?.passing(point, passed))
     }
 
     /// Velocity at a point of the moving wall `slot` where the shapes were placed last, and at t_{n+1}.
-    pub fn twists(&self, slot: u32, point: DVec3) -> [WallTwist; 2] {
+    pub fn twists_of(&self, slot: u32, point: DVec3) -> [WallTwist; 2] {
         let course = &self.courses[slot as usize];
         [course.now.twist(point), course.end.twist(point)]
     }
@@ -324,14 +350,15 @@ impl Walls {
         }
     }
 
-    /// Levers of a contact with a wall from the place of this, at the end of the step and half-way through it, m.
+    /// Where impulses on a wall act: those of impacts at the end of the step; loads and all that Moreau-Jean has half-way through it, where with the
+    /// levers of the end they would turn what they only press.
     pub(crate) fn levers(
         &self,
         model: &Model,
         c: &Contact,
         from: &[DVec3],
         to: &[DVec3],
-    ) -> [DVec3; 2] {
+    ) -> [Lever; 2] {
         let (a, radius) = (c.a as usize, model.radius[c.a as usize]);
         let (start, end) = (self.point_at_start(model, c.b), self.point(model, c.b));
         let from = from[a] - displacement(from, c.b) - start;
@@ -342,16 +369,15 @@ impl Walls {
             Method::MoreauJean => model.options.theta,
             _ => 0.5,
         };
-        let half_way = centre - back * (to - from);
-        [
-            centre - radius * c.n1,
-            half_way - radius * c.middle_normal(),
-        ]
+        let at = |back: f64, normal: DVec3| Lever {
+            arm: centre - back * (to - from) - radius * normal,
+            point: end - back * (end - start),
+            passed: 1.0 - back,
+        };
+        [at(0.0, c.n1), at(back, c.middle_normal())]
     }
 
-    /// Impulse on every wall and its moment about the wall's place, added to `out`; returns the work of moving walls, J:
-    /// impulse times the mean of the wall's velocities at both ends of the step. Impacts act at the end of a step, loads and all that Moreau-Jean has
-    /// half-way through it: with levers of the end they would turn what they only press.
+    /// Impulse on every wall and its moment about the wall's place, added to `out`; returns the work of moving walls, J.
     pub fn collect(
         &self,
         model: &Model,
@@ -365,28 +391,45 @@ impl Walls {
             .iter()
             .filter(|c| c.meets_wall(model) && c.lambda[0] != 0.0)
         {
-            let i = c.a as usize;
             let (on_ball, normal) = c.impulse();
-            let x = position[i] - displacement(position, c.b);
             let [at_end, half_way] = self.levers(model, c, &state.position, position);
             let then = match model.options.method {
-                Method::MoreauJean => on_ball.impulse,
+                Method::MoreauJean => [on_ball.impulse, normal],
                 _ => c.impulse_of_loads(),
             };
-            let turned = at_end.cross(on_ball.impulse - then) + half_way.cross(then);
+            let impact = [on_ball.impulse - then[0], normal - then[1]];
             let on_wall = &mut out[model.wall(c.b).given as usize];
             on_wall[0] -= on_ball.impulse;
-            on_wall[1] -= turned + on_ball.moment;
-            let start = self.start_twist(model, c, state.position[i]);
-            if let (Some(start), Some(end)) = (start, self.end_twist(model, c, x)) {
-                let mean = start.mean(&end);
-                work += normal.dot(mean.shape)
-                    + (on_ball.impulse - normal).dot(mean.material)
-                    + on_ball.moment.dot(mean.spin);
+            on_wall[1] -= on_ball.moment;
+            for (lever, [impulse, normal]) in [(at_end, impact), (half_way, then)] {
+                on_wall[1] -= lever.arm.cross(impulse);
+                work += self.mean_twist(model, c, &lever).map_or(0.0, |mean| {
+                    normal.dot(mean.shape) + (impulse - normal).dot(mean.material)
+                });
             }
+            let mean = self.mean_twist(model, c, &at_end);
+            work += mean.map_or(0.0, |mean| on_ball.moment.dot(mean.spin));
         }
         work
     }
+
+    /// The mean of what a moving wall has at both ends of the step, there: what turns at a constant rate does its work by moment and turn.
+    pub(crate) fn mean_twist(&self, model: &Model, c: &Contact, at: &Lever) -> Option<WallTwist> {
+        let [start, end] = self
+            .course(model, c.b)?
+            .passing(at.point + at.arm, at.passed);
+        Some(start.mean(&end))
+    }
+}
+
+/// Where an impulse on a wall acts.
+#[derive(Clone, Copy)]
+pub(crate) struct Lever {
+    /// From the wall's place, m.
+    pub arm: DVec3,
+    point: DVec3,
+    /// The share of the step that has passed.
+    passed: f64,
 }
 
 /// What meets nobody.

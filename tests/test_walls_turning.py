@@ -1,0 +1,66 @@
+"""Round walls that turn about their own axis: without friction nobody feels it, and their work is moment times turn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import carom
+import numpy as np
+import pytest
+
+LAWS: list[dict[str, Any]] = [
+    {"method": "nsga"},
+    {"method": "nsga", "impact": "sequence-paper"},
+    {"method": "nsga", "impact": "poisson"},
+    {"method": "nsga", "impact": "one-shot"},
+    {"method": "nsga", "impact": "binary"},
+    {"method": "nsga", "position_friction": "paper"},
+    {"method": "moreau"},
+]
+
+
+def scene(wall: str, mu: float, motion: dict[str, Any]) -> carom.Scene:
+    """Three balls that fly about and settle in a drum or a bowl."""
+    made = carom.Scene("round", gravity=(0, 0, -9.81))
+    made.contact("m", "m", friction=mu, restitution=0.6)
+    where = {"material": "m", "point": (0, 0, 0), "radius": 0.2, "motion": motion}
+    if wall == "drum":
+        made.cylinder("wall", axis=(0, 1, 0), **where)
+    else:
+        made.ball_wall("wall", inside=True, **where)
+    for k in range(3):
+        at, velocity = (0.05 - 0.045 * k, 0.01 * k, -0.05 + 0.01 * k), (1.0 - 0.7 * k, 0.1, -1.0)
+        made.sphere(f"b{k}", radius=0.02, mass=0.1, material="m", at=at, velocity=velocity)
+    return made
+
+
+def turning(rate: float) -> dict[str, Any]:
+    return {"rotation": {"axis": (0, 1, 0), "point": (0, 0, 0), "rate": rate}}
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("wall", ["drum", "bowl"])
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: "-".join(law.values()))
+def test_smooth_walls_may_turn_as_they_like(law: dict[str, Any], wall: str) -> None:
+    shift = {"translation": [{"polynomial": [0, 0.3]}, 0.0, 0.0]}
+    still, turned = (
+        carom.simulate(scene(wall, 0.0, {**shift, **motion}), step=1e-3, until=0.25, **law)
+        for motion in ({}, turning(30.0))
+    )
+    assert len(still.impacts) > 5
+    for name in ("position", "velocity"):
+        both = np.asarray(getattr(still, name)), np.asarray(getattr(turned, name))
+        assert np.abs(both[0] - both[1]).max() < 1e-12
+    assert carom.audit.check(turned).ok
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("law", [{}, {"method": "moreau"}, {"method": "moreau", "theta": 0.7}])
+def test_work_is_moment_times_turn(law: dict[str, Any]) -> None:
+    rate = 6.0
+    result = carom.simulate(scene("drum", 0.5, turning(rate)), step=1e-3, until=0.5, walls=True, **law)
+    of_moment = -rate * np.asarray(result.walls["wall"].angular_impulse)[:, 1].sum()
+    work = np.asarray(result.steps.energy_work).sum()
+    assert work > 0.1
+    assert of_moment == pytest.approx(work, rel=1e-12)
+    assert carom.audit.check(result).ok
