@@ -249,3 +249,45 @@ def test_a_file_without_the_motion_of_its_walls_is_refused(runs: dict[str, Path]
 
     with pytest.raises(carom.CaromError, match="frames/free_walls"):
         audit.check(planted(runs["lid"], tmp_path / "run", edit))
+
+
+def sticky_lid(force: float, speed: float, velocity: float) -> carom.Scene:
+    """A lid that one ball holds up, and a ball that comes to it."""
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("grain", "grain", friction=0.4, restitution=0.3)
+    scene.contact("grain", "wall", friction=0.6, restitution=0.2, cohesion=2e-3, rupture_distance=1e-4)
+    for k, (z, v) in enumerate(((0.0475, 0.0), (0.0467, speed))):
+        scene.sphere(f"b{k}", material="grain", radius=2.5e-3, density=2500, position=(6e-3 * k, 0, z),
+                     velocity=(0, 0, v))  # fmt: skip
+    free = {"mass": 4e-4, "force": force, "velocity": velocity, "weight": False}
+    scene.plane("lid", material="wall", point=(0, 0, 0.05), normal=(0, 0, -1), free=free)
+    return scene
+
+
+def pressed_ball(speed: float) -> carom.Scene:
+    """A ball that a force presses to a floor, and one that comes to it from above."""
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("grain", "grain", friction=0.4, restitution=0.3, cohesion=2e-3, rupture_distance=1e-4)
+    scene.contact("grain", "wall", friction=0.4, restitution=0.3)
+    scene.plane("floor", material="wall", point=(0, 0, 0), normal=(0, 0, 1))
+    for k, (z, v) in enumerate(((2.5e-3, 0.0), (8.3e-3, -speed))):
+        scene.sphere(
+            f"b{k}", material="grain", radius=2.5e-3, density=2500, position=(0, 0, z), velocity=(0, 0, v)
+        )
+    scene.load("b0", force=[0, 0, -0.05])
+    return scene
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [sticky_lid(0.01, 0.05, 0.0), sticky_lid(0.1, 0.05, 0.01), sticky_lid(0.1, 0.2, 0.01),
+     *(pressed_ball(v) for v in (0.0491, 0.0494, 0.0497, 0.05, 0.0503))],
+)  # fmt: skip
+def test_cohesion_acts_where_loads_alone_bring_a_pair_within_its_distance(
+    scene: carom.Scene, tmp_path: Path
+) -> None:
+    """By the smooth motion, which has the way of the force that contacts take back: none was taken for a fault."""
+    report = audit.check(
+        carom.simulate(scene, until=0.02, step=5e-4, every=1, walls=True, out=tmp_path / "run")
+    )
+    assert report.ok, report

@@ -117,6 +117,9 @@ def pulls(block: Block) -> Pulls:
     nearer = h * (2.0 * np.nan_to_num(carried.own(block)).max(axis=1, initial=0.0) + walls)
     widest = 2.0 * run.radius.max(initial=0.0) + float(np.max(run.model["rupture_distance"]))
     nearer = nearer + h * h * norm(run.gravity) + carried.strain(block) * widest
+    if len(run.loads) > 1:  # the smooth motion has the way of other loads, which contacts may take back
+        x, off = free_turns.loaded_places(block)
+        nearer = nearer + 2.0 * (np.nan_to_num(norm(x - free_turns.places(block))) + off).max(axis=1)
     pairs = within(run, block.t0, block.x0, nearer)
     opening = _opening(block, pairs)
     along, end, off = _smooth(block, pairs)
@@ -192,14 +195,10 @@ def _smooth(block: Block, pairs: Cohesive) -> tuple[F64, F64, F64]:
         x = block.x0 + 0.5 * h * block.v0
         _, normal = run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])
         return normal, pairs.gap, np.zeros(len(k))
-    x = free_turns.places(block)
+    x, off = free_turns.loaded_places(block)
     end, last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])
     one = run.jointed[a] | (run.jointed[b] & (pairs.b < run.bodies))
     middle = np.where(one[:, None] | (not run.loads_once), last, unit(pairs.normal + last))
-    if len(run.loads) == 1 and not run.joints:
-        return middle, end, np.zeros(len(k))
-    # Other loads and joints move the bodies, too.
-    off = np.nan_to_num(norm(block.x1 - x))
     return middle, end, off[k, a] + np.where(pairs.b < run.bodies, off[k, b], 0.0)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import carried, clump_loads, rigid
+from carom.audit import carried, clump_loads, rigid, wrenches
 from carom.audit.block import Block, once
 from carom.audit.vectors import cross, dot, exponential, norm, product
 
@@ -46,6 +46,43 @@ def places(block: Block) -> F64:
         free, balls = rows(block), run.clumps.balls
         found[:, balls] = free[:, run.clumps.of, :3] + run.clumps.levers(free)
     return found
+
+
+@once
+def loaded_places(block: Block) -> tuple[F64, F64]:
+    """(B, N, 3) places of all bodies moved by loads but attraction, too, and (B, N) how far off these may be, m: where the
+    smooth motion ends, before anything touches. What contacts give is no part of it: a lid that balls hold up has the way of
+    its force here.
+    """
+    run, dt = block.run, block.dt
+    way, off = np.zeros(block.x0.shape), np.zeros(block.x0.shape[:2])
+    anywhere = run.jointed.copy()
+    for load in run.loads:
+        if load["kind"] == "force":
+            body = int(load["body"])
+            if wrenches.carried(run, body):
+                continue
+            forms = (*load["force"], *load["torque"])
+            shift = wrenches.filtered(run, forms)[1][:, :3]
+            loose = wrenches.loose(run, forms, wrenches.varied(run, forms))[:, :3]
+            for j in range(3):
+                way[:, body, j] += block.total(shift[:, j]) / run.mass[body]
+                off[:, body] += block.total(loose[:, j]) * dt / run.mass[body]
+        elif load["kind"] == "callable":
+            anywhere[:] = True
+        elif load["kind"] != "cohesion":
+            for node, (mean, slack) in clump_loads.of_motion(block, load).items():
+                if node >= 0 and not wrenches.carried(run, node):
+                    way[:, node] += 0.5 * dt[:, None] * mean[:, :3] / run.mass[node]
+                    off[:, node] += dt * slack[:, 0] / run.mass[node]
+    found = places(block) + way
+    if run.clumps:
+        slack = clump_loads.of_block(block).way_slack
+        slack = slack[..., 0] / run.clumps.mass + 2.0 * run.clumps.reach * slack[..., 1] / run.clumps.least
+        off[:, run.clumps.balls] = slack[:, run.clumps.of]
+    # What joints, and functions of the user, do before anything touches is on no record.
+    told = np.nan_to_num(norm(block.x1 - found))
+    return found, np.nan_to_num(off) + np.where(anywhere, told, 0.0)
 
 
 @once
