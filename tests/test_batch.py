@@ -8,7 +8,9 @@ import carom
 import numpy as np
 import pytest
 from carom import CaromError, ScenarioError
+from carom.many.cases import Overrides
 from carom.many.threads import Runner
+from carom.scene.tables.model import Contact
 
 ROOT = Path(__file__).parent.parent
 BREAK = ROOT / "scenarios" / "paper" / "5.6_break.toml"
@@ -143,6 +145,32 @@ def test_columns_are_one_row_per_case() -> None:
     assert list(frame) == list(batch.columns())
     for name, column in batch.columns().items():
         np.testing.assert_array_equal(frame[name].to_numpy(), column)
+
+
+def sticky() -> carom.Scene:
+    """Two balls a hair apart, of a law without cohesion."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"until": 0.02, "step": 5e-4})
+    scene.contact("grain", "grain", friction=0.4, restitution=0.3)
+    for k in range(2):
+        scene.sphere(f"b{k}", material="grain", radius=2.5e-3, density=2500, position=(5.02e-3 * k, 0, 0),
+                     velocity=(1e-3 * k, 0, 0))  # fmt: skip
+    return scene
+
+
+def test_every_number_of_a_contact_law_varies() -> None:
+    """Those of cohesion were refused."""
+    batch = carom.simulate_batch(
+        sticky(),
+        {"grain/grain.cohesion": [0.0, 1e-3, 1e-3], "grain/grain.rupture_distance": [0.0, 1e-4, 0.0]},
+    )
+    assert batch.outcome.tolist() == ["done", "done", "bad_model"]
+    assert "rupture_distance of contact law 0" in batch.message[2]
+    assert batch.position[1, 1, 0] < batch.position[0, 1, 0]
+    for case in range(2):
+        scene = carom.Scene.from_toml(batch.scene(case).to_toml())
+        assert np.array_equal(carom.simulate(scene).position[-1], batch.position[case])
+    for key in Contact.model_fields.keys() - {"between"}:
+        assert Overrides(sticky(), {f"grain/grain.{key}": [0.5]}).cases == 1
 
 
 @pytest.mark.parametrize(

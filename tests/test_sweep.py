@@ -22,6 +22,19 @@ def files(tmp_path: Path) -> Path:
     return written(tmp_path)
 
 
+TWO = """\
+format = 1
+run = { until = 0.02, step = 5e-4 }
+world = { gravity = [0, 0, 0] }
+material = [{ name = "g" }]
+contact = [{ between = ["g", "g"], friction = 0.4, restitution = 0.3 }]
+sphere = [
+  { name = "a", material = "g", radius = 2.5e-3, density = 2500, position = [0, 0, 0] },
+  { name = "b", material = "g", radius = 2.5e-3, density = 2500, position = [5.02e-3, 0, 0] },
+]
+"""
+
+
 class TestInThisProcess:
     @pytest.fixture(autouse=True)
     def extras(self) -> None:
@@ -49,6 +62,21 @@ class TestInThisProcess:
         assert larger.progress.new == 8
         assert np.array_equal(larger["cue.position.x"][:16], first["cue.position.x"])
         assert larger["case"].tolist() == list(range(24))
+
+    def test_cohesion_and_its_reach_vary(self, tmp_path: Path) -> None:
+        """A law without them took neither; one alone is refused, both are not."""
+        file = tmp_path / "two.toml"
+        file.write_text(TWO)
+        places = {"g/g.cohesion": "= F", "g/g.rupture_distance": "= d"}
+        study = carom.Study.of(file, {"F": [0.0, 1e-3], "d": [1e-4]}, set=places)
+        found = carom.sweep(study, tmp_path / "out", workers=0)
+        assert found.ok.all()
+        assert found["b.position.x"][1] < found["b.position.x"][0]
+        for case in range(2):
+            result = carom.simulate(found.scene(case))
+            assert result["b"].position[-1, 0] == found["b.position.x"][case]
+        alone = carom.Study.of(file, {"F": [1e-3]}, set={"g/g.cohesion": "= F"})
+        assert not carom.sweep(alone, tmp_path / "alone", workers=0).ok.any()
 
     def test_a_study_of_other_parameters_is_refused_in_the_folder(self, files: Path) -> None:
         """It once replaced the table of the first, 1000 rows, without a word."""

@@ -15,10 +15,18 @@ from numpy.typing import ArrayLike
 from carom.arrays import F64
 from carom.errors import CaromError, ScenarioError, among, did_you_mean, quoted
 from carom.result.kinematics import QUANTITIES
-from carom.scene.assembly.arrays import LAW_KEYS, VARYING, resolved_tree
+from carom.scene.assembly.arrays import (
+    COHESION,
+    LAW_KEYS,
+    VARYING,
+    law_arrays,
+    resolved_tree,
+    without_idle_cohesion,
+)
 from carom.scene.builders.balls import make
 from carom.scene.scene import Scene
 from carom.scene.tables.balls import Sphere
+from carom.scene.tables.base import Table
 from carom.scene.tables.model import Contact
 
 Values = ArrayLike
@@ -42,7 +50,7 @@ class Overrides:
 
     def __init__(self, scene: Scene, parameters: Mapping[str, Values]) -> None:
         self._scene = scene
-        self._base = scene.to_model()
+        self._base = scene.to_model() | law_arrays(scene._tree)
         self._names = {name: i for i, name in enumerate(scene.names)}
         self._parts = {ball: clump.name for clump in scene.clumps for ball in clump.ball_names()}
         self._kappa = self._base["inertia"] / (self._base["mass"] * self._base["radius"] ** 2)
@@ -134,6 +142,11 @@ class Overrides:
 
     def model(self, case: int) -> dict[str, Any]:
         """The argument of the core for one case."""
+        model = self._laid_over(case)
+        return without_idle_cohesion(model)
+
+    def _laid_over(self, case: int) -> dict[str, Any]:
+        """The same, with the numbers of all laws."""
         model = dict(self._base)
         touched: set[str] = set()
         for key, place in self._places.items():
@@ -163,7 +176,7 @@ class Overrides:
 
     def scene(self, case: int) -> Scene:
         """One case as a scene of its own: every ball single, every number written down."""
-        model, tree = self.model(case), resolved_tree(self._scene._tree)
+        model, tree = self._laid_over(case), resolved_tree(self._scene._tree)
         if tree.inflow or len(tree.sphere) + len(self._parts) != len(self._names):
             raise CaromError("a case with inflows, or of more than 10 000 balls, is no scene of single balls")
         spheres = [
@@ -179,6 +192,8 @@ class Overrides:
         changed = {
             (place.array, place.index[0]) for place in self._places.values() if place.array in LAW_KEYS
         }
+        # A table has both of cohesion, or none.
+        changed |= {(key, i) for of, i in changed if of in COHESION for key in COHESION}
         laws = [
             law.model_copy(update={key: float(model[key][i]) for key in LAW_KEYS if (key, i) in changed})
             for i, law in enumerate(tree.contact)
@@ -191,16 +206,29 @@ def refuse_numbers(scene: Scene, values: Mapping[str, float]) -> None:
     """Raise `ScenarioError` for sizes, masses and numbers of laws that no scenario may have; names are those of `Overrides`,
     which leaves them to the core. Nothing is placed for it.
     """
+    pairs = [set(law.between) for law in scene._tree.contact]
+    of_laws: dict[int, dict[str, str]] = {}
     for key, value in values.items():
         owner, _, quantity = key.rpartition(".")
-        law = next((law for law in scene._tree.contact if set(law.between) == set(owner.split("/", 1))), None)
-        try:
-            if law is not None and quantity in LAW_KEYS:
-                make(Contact, "", **{**law.written(), quantity: value})
-            elif quantity in ("radius", "mass", "inertia"):
-                make(Sphere, "", **{**_ANY_BALL, quantity: value})
-        except ScenarioError as error:
-            raise ScenarioError(replace(p, where="set", key=key) for p in error.problems) from None
+        pair = set(owner.split("/", 1))
+        if pair in pairs and quantity in LAW_KEYS:
+            of_laws.setdefault(pairs.index(pair), {})[quantity] = key
+        elif quantity in ("radius", "mass", "inertia"):
+            _refused(Sphere, {**_ANY_BALL, quantity: value}, {quantity: key})
+    for i, keys in of_laws.items():  # numbers of a law may ask for one another
+        given = {quantity: values[key] for quantity, key in keys.items()}
+        _refused(Contact, {**scene._tree.contact[i].written(), **given}, keys)
+
+
+def _refused(table: type[Table], given: Mapping[str, Any], keys: Mapping[str, str]) -> None:
+    """Raise `ScenarioError` if a table may not be so; problems name the `keys` that set it."""
+    first = next(iter(keys.values()))
+    try:
+        make(table, "", **given)
+    except ScenarioError as error:
+        raise ScenarioError(
+            replace(p, where="set", key=keys.get(p.key, first)) for p in error.problems
+        ) from None
 
 
 _ANY_BALL = {"name": "x", "material": "x", "position": (0.0, 0.0, 0.0), "radius": 1.0, "mass": 1.0}

@@ -16,17 +16,15 @@ from carom.scene.assembly.placing import Placed, motion_for_core, placed_walls
 from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.joints import default_name
 from carom.scene.tables.laws import LawValue, as_core
-from carom.scene.tables.model import Scenario
+from carom.scene.tables.model import Contact, Scenario
 from carom.scene.tables.packing import Packing
 from carom.scene.tables.walls import MESH, PLANE, WALLS
 
 EXPANDED = 10_000
 """A resolved scenario holds the balls of its generators one by one up to this number, the generators beyond it."""
 
-LAW_KEYS = (
-    *("friction", "restitution", "tangential_restitution", "rolling_radius", "spinning_radius"),
-    "stiffness_ratio",
-)
+LAW_KEYS = tuple(name for name in Contact.model_fields if name != "between")
+"""Numbers of a contact law: all keys of its table but the pair that it is of."""
 
 GENERATED = ("sphere", "rack", "lattice", "clump", "inflow")
 """Sections of balls when packings are expanded, in the order of the arrays."""
@@ -62,7 +60,6 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
     if mechanics is None:
         return None
     laws = tree.contact
-    keys = (*LAW_KEYS, *(COHESION if any(law.cohesion for law in laws) else ()))
     planes = [wall for wall in surfaces if wall.kind == PLANE]
     return {
         "gravity": np.array(tree.world.gravity),
@@ -79,13 +76,25 @@ def to_arrays(tree: Scenario) -> dict[str, Any] | None:
         "plane_material": np.array([materials[p.material] for p in planes], dtype=np.int64),
         "law_a": np.array([materials[c.between[0]] for c in laws], dtype=np.int64),
         "law_b": np.array([materials[c.between[1]] for c in laws], dtype=np.int64),
-        **{key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in keys},
+        **without_idle_cohesion(law_arrays(tree)),
         **mechanics,
         **_surfaces(surfaces, len(planes), materials, tree.world.periodic),
         **_clumps(tree, balls),
         **_world(tree, balls),
         "options": tree.run.options(),
     }
+
+
+def law_arrays(tree: Scenario) -> dict[str, F64]:
+    """The numbers of the contact laws, one row per law."""
+    laws = tree.contact
+    return {key: np.array([_constant(getattr(c, key)) for c in laws], dtype=np.float64) for key in LAW_KEYS}
+
+
+def without_idle_cohesion(model: dict[str, Any]) -> dict[str, Any]:
+    """The same without `COHESION` where no pair attracts."""
+    idle = COHESION if not np.any(model["cohesion"]) else ()
+    return {key: value for key, value in model.items() if key not in idle}
 
 
 def _constant(value: LawValue) -> float:
