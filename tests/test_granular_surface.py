@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from carom import CaromError, granular
+from carom import CaromError, CaromWarning, granular
 from carom.granular import Cylinder, Snapshot
 from carom.packing import Equal, Packed, pack
 
@@ -151,6 +151,19 @@ def test_what_is_no_heap_is_refused() -> None:
         granular.heap_angle(cone(0.4), shape="planar", direction=(0, 0, 1))
 
 
+def test_a_floor_that_is_nearly_empty_has_no_heap() -> None:
+    """It had an angle, of three grains, with an error that is no number."""
+    x = np.array([[0, 0, 0], [4, 0, 0.1], [0, 5, 0.2], [-5.5, 0, 0.6]]) * 1e-3
+    left = Snapshot(x, np.full(len(x), 2e-3))
+    with pytest.raises(
+        CaromError, match=r"too few for a standard error; take a frame with a heap, or sectors=1"
+    ):
+        granular.heap_angle(left)
+    alone = granular.heap_angle(left, sectors=1)
+    assert np.isfinite(alone.angle)
+    assert np.isnan(alone.error)
+
+
 def disc(radius: float, height: float, spacing: float = 2 * R) -> np.ndarray:
     """A cubic lattice of balls in an upright cylinder on the floor."""
     k = np.arange(-radius, radius + spacing, spacing)
@@ -177,6 +190,27 @@ def test_run_out_of_a_round_column() -> None:
     assert found.aspect == pytest.approx(found.initial_height / found.initial)
     assert found.settled < found.aspect
     np.testing.assert_allclose(granular.run_out((before, after)).final, found.final, atol=R)
+
+
+def test_what_has_not_moved_has_not_run_out() -> None:
+    """The start counted every ball, the end the largest group."""
+    column = disc(0.05, 0.1)
+    strays = np.array([[0.5, 0, R], [-0.4, 0.4, R]])
+    s = Snapshot(np.concatenate([column, strays]), np.full(len(column) + 2, R))
+    for shape in ("radial", "planar"):
+        found = granular.run_out((s, s), shape=shape)
+        assert (found.ratio, found.settled, found.strays) == (0.0, found.aspect, 2)
+        assert found.initial < 0.12
+
+
+def test_a_column_that_has_not_fallen_together_is_told() -> None:
+    column = np.concatenate([disc(0.05, 0.1), disc(0.05, 0.1) + np.array([0, 0, 0.2])])
+    s = Snapshot(column, np.full(len(column), R))
+    with pytest.warns(
+        CaromWarning, match="are apart from the column; give a frame at which they have settled"
+    ):
+        granular.run_out((s, s))
+    assert granular.run_out((s, s), loose=20.0).strays == 0
 
 
 def test_run_out_of_a_flat_column() -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from carom.arrays import F64, I64, Bool, connected
-from carom.errors import CaromError
+from carom.errors import CaromError, CaromWarning
 from carom.measure.granular.nearest import around, middle, opened
 from carom.measure.granular.shown import Measure
 from carom.measure.granular.snapshot import Snapshot, snapshot
@@ -17,6 +18,7 @@ from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
 
 _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
+_APART = 0.1  # share of the balls that may be apart from a column
 _MOST_PAIRS = 500_000  # of the points of a surface
 _UPRIGHT = 0.7  # cosine between an axis and gravity from which it is vertical rather than horizontal
 _ROUNDS = 3  # of choosing the part of a planar slope from the line fitted before
@@ -29,7 +31,7 @@ class HeapAngle(Measure):
     angle: float
     """rad."""
     error: float
-    """Standard error by leaving out one sector after the other (jackknife), rad."""
+    """Standard error by leaving out one sector after the other (jackknife), rad; nan of a single sector."""
     inner: float
     """Angle of the nearer half of the used points (from the axis, or along the direction), rad; nan for too few points."""
     outer: float
@@ -72,12 +74,16 @@ def heap_angle(
     from `sectors` about the axis (planar: strips along it). In a world that repeats itself the images nearest to the axis
     count; of a slope one period, cut where it leaves the ground free.
 
+    Without a standard error an angle says nothing, so a floor that is nearly empty is refused; with `sectors=1` none is
+    asked for, and `error` is nan.
+
     The foot is taken twice as far as half of the solid reaches, as in a cone: no single grain moves it. In cones of 22 to 26
     degrees cut out of random packings, 18 diameters in radius, the angle is 0.05 degrees too low on average and scatters by
     0.2, which is the stated error. The angle of a heap that is no cone depends on the part: compare `inner` and `outer`.
 
     Raises:
-        CaromError: fewer than three balls side by side or on the slope; an unknown shape; a vertical direction.
+        CaromError: fewer than three balls side by side or on the slope; too few for a standard error; an unknown shape; a
+            vertical direction.
     """
     if not (is_number(cell) and cell > 0):
         raise CaromError(f"heap_angle: cell = {cell!r}; give a number above 0, of mean diameters")
@@ -119,6 +125,11 @@ def heap_angle(
     inner, outer = (_angle(distance[k], height[k]) for k in (used & near, used & ~near))
     angles = np.array([_angle(distance[k], height[k]) for k in _leave_one_out(used, sector)])
     n = len(angles)
+    if n < 2 and sectors > 1:
+        raise CaromError(
+            f"heap_angle: {int(used.sum())} balls are on the slope, in {len(np.unique(sector[used]))} of {sectors} sectors:"
+            " too few for a standard error; take a frame with a heap, or sectors=1 for an angle without error"
+        )
     error = float(np.sqrt((n - 1) / n * ((angles - angles.mean()) ** 2).sum())) if n > 1 else float("nan")
     return HeapAngle(float(np.arctan(-slope)), error, inner, outer, apex, distance, height, used)
 
@@ -255,7 +266,7 @@ class RunOut(Measure):
     """How far a column has run out, and how high it was and is."""
 
     initial: float
-    """Half width (planar: length) or radius of the column at the start, m."""
+    """Radius (planar: length) of the column at the start, m."""
     final: float
     """The same of the deposit, m."""
     error: float
@@ -297,9 +308,12 @@ def run_out(
     """Run-out of a column between two frames, or two snapshots.
 
     `shape` "radial": about an axis through `centre`, by default that of the mass at the start; "planar": along `direction`,
-    from the rear of the column at the start. The deposit is the largest group of balls in which neighbours are nearer than
-    `loose` mean diameters; the front is the furthest of its balls in each of the `sectors` (strips), averaged over them.
-    Images in a world that repeats itself are chosen as in `heap_angle`.
+    from the rear of the column at the start. Column and deposit are the largest groups of balls at both frames in which
+    neighbours are nearer than `loose` mean diameters; the front is the furthest of these balls in each of the `sectors`
+    (strips), averaged over them. Images in a world that repeats itself are chosen as in `heap_angle`.
+
+    Grains of a packing that have not fallen yet are far apart, and the group is a part of them, which a warning says: give
+    a `start` at which they have settled, or a larger `loose`.
 
     Raises:
         CaromError: no ball is there at one of the two frames; an unknown shape; a vertical direction.
@@ -309,15 +323,15 @@ def run_out(
     )
     if not (is_number(loose) and loose >= 0):
         raise CaromError(f"run_out: loose = {loose!r}; give a number from 0, of mean diameters")
-    deposit, strays = _deposit(_not_sheared(after), loose)
-    for name, s in (("start", before), ("frame", deposit)):
+    (column, apart), (deposit, strays) = (_deposit(_not_sheared(s), loose) for s in (before, after))
+    for name, s in (("start", column), ("frame", deposit)):
         if not len(s.present):
             raise CaromError(
                 f"run_out: no ball is there at the frame of `{name}`; give one in which some are"
             )
-    axis = _axis(before, centre) if shape == "radial" else None
+    axis = _axis(column, centre) if shape == "radial" else None
     views = []
-    for s, at in zip((before, deposit), _images_of_one(before, deposit, axis), strict=True):
+    for s, at in zip((column, deposit), _images_of_one(column, deposit, axis), strict=True):
         distance, sector, _ = _seen_from_above(s.up, at, shape, axis, direction, sectors)
         views.append((distance, sector, s.radius[s.present], at @ s.up))
     rear = 0.0
@@ -332,6 +346,13 @@ def run_out(
         errors.append(float(front.std(ddof=1) / np.sqrt(len(front))) if len(front) > 1 else float("nan"))
     ground = float((views[0][3] - views[0][2]).min())
     heights = [float((z + r).max()) - ground for _, _, r, z in views]
+    if apart > _APART * (apart + len(column.present)):
+        warnings.warn(
+            f"run_out: {apart} of {apart + len(column.present)} balls at the frame of `start` are apart from the column;"
+            " give a frame at which they have settled, or a larger `loose`",
+            CaromWarning,
+            stacklevel=2,
+        )
     return RunOut(fronts[0], fronts[1], errors[1], heights[0], heights[1], strays)
 
 
