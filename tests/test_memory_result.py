@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pickle
+import sys
 import tempfile
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +87,25 @@ def test_a_result_in_memory_can_be_sent() -> None:
     sent = pickle.loads(pickle.dumps(result))
     assert_same(columns(result), columns(sent))
     assert sent.scene.names == result.scene.names
+
+
+def test_threads_may_read_at_the_same_time(request: pytest.FixtureRequest) -> None:
+    """Blocks are joined by the first who reads: a second thread found an empty list (IndexError)."""
+    expected = carom.simulate(short("three_balls")).impacts.impulse[:]
+    threads, often = 4, sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # threads take turns within the first reading
+    request.addfinalizer(lambda: sys.setswitchinterval(often))
+    for _ in range(20):
+        result = carom.simulate(short("three_balls"))
+        ready = threading.Barrier(threads)
+
+        def read(result: Result = result, ready: threading.Barrier = ready) -> Any:
+            ready.wait()
+            return result.impacts.impulse[:]
+
+        with ThreadPoolExecutor(threads) as pool:
+            for found in [pool.submit(read) for _ in range(threads)]:
+                np.testing.assert_array_equal(found.result(), expected)
 
 
 def test_a_run_that_fails_in_memory_has_its_problem(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import threading
 from collections.abc import Collection, Mapping
 from itertools import accumulate
 from typing import Any
@@ -31,23 +32,36 @@ class Memory:
         self._parts: dict[str, dict[str, list[Array]]] = {}
         self._pending: list[Mapping[str, Any]] = []
         self._waiting = 0
+        # Reading joins blocks and columns, which several threads must not do at once.
+        self._lock = threading.RLock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        with self._lock:
+            return {name: value for name, value in vars(self).items() if name != "_lock"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _lock=threading.RLock())
 
     def append(self, block: Mapping[str, Any]) -> None:
         """Take over a block as `Simulation.advance` returns it; the first one fixes the columns."""
-        if not self._parts:
-            out = self.described.get("leave_out", ())
-            self._parts = {t: {name: [] for name in block[t] if (t, name) not in out} for t in tables(block)}
-        self._pending.append(block)
-        self._waiting += len(block["steps"]["step"])
-        if len(steps := block["frames"]["step"]):
-            self.last_frame = int(steps[-1])
-        if len(self._pending) >= BLOCKS or self._waiting >= STEPS:
-            self._join()
+        with self._lock:
+            if not self._parts:
+                out = self.described.get("leave_out", ())
+                self._parts = {
+                    t: {name: [] for name in block[t] if (t, name) not in out} for t in tables(block)
+                }
+            self._pending.append(block)
+            self._waiting += len(block["steps"]["step"])
+            if len(steps := block["frames"]["step"]):
+                self.last_frame = int(steps[-1])
+            if len(self._pending) >= BLOCKS or self._waiting >= STEPS:
+                self._join()
 
     def commit(self) -> None:
         """What was appended counts already; it is joined to the columns when somebody asks for them."""
 
     def _join(self) -> None:
+        """Join what waits to the columns; only by who holds the lock."""
         blocks, self._pending, self._waiting = self._pending, [], 0
         if not blocks:
             return
@@ -66,18 +80,20 @@ class Memory:
     @property
     def rows(self) -> Rows:
         """How many rows each table has."""
-        self._join()
-        return self._rows
+        with self._lock:
+            self._join()
+            return self._rows
 
     def snapshot(self) -> Memory:
         """What is here now: what is appended later is not in it."""
-        self._join()
-        found = copy.copy(self)
-        found._parts = {
-            table: {name: list(parts) for name, parts in columns.items()}
-            for table, columns in self._parts.items()
-        }
-        return found
+        with self._lock:
+            self._join()
+            found = copy.copy(self)
+            found._parts = {
+                table: {name: list(parts) for name, parts in columns.items()}
+                for table, columns in self._parts.items()
+            }
+            return found
 
     def table(self, table: str) -> dict[str, Array]:
         """All columns of a table."""
@@ -99,12 +115,14 @@ class Memory:
 
     def column(self, table: str, name: str) -> Column:
         """One column."""
-        self._join()
-        parts = self._parts[table][name]
-        if len(parts) > 1:
-            parts[:] = [np.concatenate(parts)]
-        parts[0].flags.writeable = False  # shared between all who index it
-        return Column([(parts[0], len(parts[0]))], MEANINGS.get(f"{table}/{name}", Meaning("", "")).unit)
+        with self._lock:
+            self._join()
+            parts = self._parts[table][name]
+            if len(parts) > 1:
+                parts[:] = [np.concatenate(parts)]
+            whole = parts[0]
+        whole.flags.writeable = False  # shared between all who index it
+        return Column([(whole, len(whole))], MEANINGS.get(f"{table}/{name}", Meaning("", "")).unit)
 
     def static(self, table: str) -> dict[str, Array]:
         """A table of what does not change (empty if there is none); text as an array of `str`."""
