@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import carom
 import pytest
 from carom.reproduce.citations import SOURCES, sources
+from carom.scene.plan import whole_steps
 from typer.testing import CliRunner
 
 ROOT = Path(__file__).parent.parent
@@ -30,6 +32,27 @@ def test_falls_are_foreseen() -> None:
     assert drop(height=5.0).with_options(step=5e-4).validate() == []
     assert drop(height=5.0, until=0.9).validate() == []  # it does not get there
     assert drop(height=5.0, method="penalty").validate() == []
+
+
+@pytest.mark.parametrize(
+    ("until", "steps"), [(0.0101, 11), (0.0109, 11), (0.001, 1), (0.00101, 2), (0.3, 300)]
+)
+def test_the_announced_end_is_that_of_the_run(until: float, steps: int) -> None:
+    """The warning rounded to the nearest step, the run up."""
+    scene = drop(height=1.0, until=until)
+    told = [advice.cure for advice in scene.validate()]
+    assert told == ([f"the run ends at {steps * 1e-3:.10g} s"] if steps * 1e-3 > until else [])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", carom.CaromWarning)
+        assert carom.simulate(scene).outcome.step == steps
+    assert f"{steps} step" in repr(scene)
+
+
+def test_less_than_a_step_is_refused_and_rounding_adds_none() -> None:
+    with pytest.raises(carom.ScenarioError, match="shorter than one step"):
+        drop(height=1.0, until=0.0009).validate()
+    assert whole_steps(5.3, 1e-6) == 5_300_000  # 5.3 / 1e-6 is larger by 1e-9
+    assert whole_steps(0.1 + 0.2, 0.1) == 3
 
 
 def test_a_ball_on_another_falls_nowhere() -> None:

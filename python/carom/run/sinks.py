@@ -177,7 +177,7 @@ class Cadence:
         if self.steps is not None:
             due.append((step // self.steps + 1) * self.steps)
         if self.time is not None:
-            # Rounded as `Plan.of` rounds: a time that is a step up to rounding is that step.
+            # Rounded as `whole_steps` rounds: a time that is a step up to rounding is that step.
             passed = math.floor(step * size / self.time + 1e-9)
             due.append(max(step + 1, math.ceil((passed + 1) * self.time / size - 1e-9)))
         return min(due, default=None)

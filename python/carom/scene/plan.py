@@ -11,6 +11,9 @@ from carom.errors import CaromError
 MOST_BYTES = 8 * 1024**3
 #: About the bytes of a row of the table of steps.
 STEP_BYTES = 250
+#: Steps by which `until` may be beyond a whole number of them without one more, for it is rounded as the step is. Of very
+#: many steps rounding is larger: this part of their number.
+SLACK, SLACK_PART = 1e-9, 1e-15
 
 
 @dataclass(frozen=True)
@@ -58,8 +61,17 @@ class Plan:
     @classmethod
     def of(cls, until: float, step: float, every: int | None, contacts: bool) -> Plan:
         """The plan for `until` seconds; without `every` about 1000 frames are kept."""
-        steps = max(1, math.ceil(until / step - 1e-9))
+        steps = max(1, whole_steps(until, step))
         return cls(steps, every or thinned(steps), step, contacts)
+
+
+def whole_steps(until: float, step: float) -> int:
+    """How many steps a run to `until` takes: up to that time or, where it is no multiple of the step, just beyond it.
+
+    It is 0 only for no time: `carom.scene.checks.rules` refuses what is shorter than a step.
+    """
+    ratio = min(until / step, 2.0**62)  # of infinitely many steps there is no integer
+    return math.ceil(ratio - max(SLACK, SLACK_PART * ratio))
 
 
 def thinned(steps: int, frames: int = 1000) -> int:

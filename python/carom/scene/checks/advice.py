@@ -176,7 +176,7 @@ def _held_up(bodies: Bodies, normal: F64) -> Bool:
 
 def _rounded_until(parts: Whole) -> Iterator[Finding]:
     end = steps(parts.run) * parts.run.step
-    if abs(end - parts.until) > 1e-6 * parts.run.step:
+    if end - parts.until > 1e-6 * parts.run.step:
         cause = f"until = {parts.until:g} s is not a whole number of steps"
         yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
 

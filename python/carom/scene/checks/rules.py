@@ -29,6 +29,7 @@ from carom.scene.checks.overlap import overlaps
 from carom.scene.checks.penalty import check_penalty
 from carom.scene.checks.walls import MOST, check_periodic, check_walls, start_overlap
 from carom.scene.messages import Finding
+from carom.scene.plan import SLACK, whole_steps
 from carom.scene.tables.balls import MOST_BALLS, Ball, Generator
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import Clump
@@ -156,9 +157,8 @@ def check(parts: Parts) -> Iterator[Finding]:
 
 
 def steps(run: RunBase) -> int:
-    """Number of steps of a run: `until` rounded to whole steps."""
-    ratio = (run.until or 0.0) / run.step
-    return round(ratio) if ratio < 2**62 else 2**62
+    """Number of steps of a run: those that reach `until`."""
+    return whole_steps(run.until or 0.0, run.step)
 
 
 def _times(parts: Parts) -> Iterator[Finding]:
@@ -170,7 +170,7 @@ def _times(parts: Parts) -> Iterator[Finding]:
         yield Finding(
             ("run", "until"), "is missing", cure, "pass until=... (simulated time, s); it has no default"
         )
-    elif steps(run) < 1:
+    elif run.until < run.step * (1 - SLACK):
         cause = f"until = {run.until:g} s is shorter than one step of {run.step:g} s"
         yield Finding(("run", "until"), cause, "give a longer until or a shorter step")
     elif steps(run) > 10**12:

@@ -201,7 +201,7 @@ class RunBase(Table):
     section: ClassVar[str] = "run"
 
     until: Annotated[float, Quantity("time", POSITIVE)] | None = key(
-        "simulated time; rounded to a whole number of steps", "s", default=None, examples=[3.0]
+        "simulated time; rounded up to a whole number of steps", "s", default=None, examples=[3.0]
     )
     step: float = Field(
         default_factory=lambda: float(_core.defaults()["step"])
