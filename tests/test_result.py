@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import importlib.util
+import pickle
 import subprocess
 import sys
 import warnings
@@ -194,6 +195,30 @@ def test_a_result_can_be_closed(scene: Any, tmp_path: Path) -> None:
     with carom.simulate(scene, until=0.1, out=tmp_path / "run") as result:
         position = np.asarray(result.position)
     assert np.array_equal(result.position, position)  # what was read stays
+
+
+def test_a_result_is_found_from_another_working_directory(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`out="run"` was looked for in the directory of the moment; it reads "run" as long as that is the same."""
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path)
+    moved = carom.simulate(
+        scene, until=0.1, out="moved", callback=lambda view: monkeypatch.chdir("other"), callback_every=100
+    )
+    assert moved.path == tmp_path / "moved"
+    monkeypatch.chdir(tmp_path)
+    result = carom.simulate(scene, until=0.1, out="run")
+    assert str(result.path) == result.origin == "run"
+    assert str(tmp_path) not in (tmp_path / "run" / "run.json").read_text()
+    sent = pickle.dumps(result)
+    monkeypatch.chdir("other")
+    assert result.path == pickle.loads(sent).path == tmp_path / "run"
+    assert result.view().path == tmp_path / "run" / "view.html"
+    assert result.export(format="csv")[0].is_relative_to(tmp_path / "run")
+    assert np.array_equal(result.save(tmp_path / "copy").position, pickle.loads(sent).position)
+    assert carom.audit.check(result).ok
+    assert not list((tmp_path / "other").iterdir())
 
 
 def test_the_repr_says_what_it_is(result: carom.Result) -> None:

@@ -24,6 +24,33 @@ class RecordError(CaromError):
     """Results could not be written: no space, no permission, a file system that went away."""
 
 
+class Anchored:
+    """A path whose file is found also after the working directory has changed.
+
+    It reads as it was given while the working directory is that in which it was given, afterwards as a whole.
+    """
+
+    def __init__(self, given: str | Path) -> None:
+        self._given, self._base = Path(given), working_directory()
+
+    @property
+    def path(self) -> Path:
+        return self._given if working_directory() == self._base else self.whole
+
+    @property
+    def whole(self) -> Path:
+        """From the root on."""
+        return self._given if self._base is None else self._base / self._given
+
+
+def working_directory() -> Path | None:
+    """Where the process is; None where that directory was removed."""
+    try:
+        return Path.cwd()
+    except OSError:
+        return None
+
+
 def inside(root: Path, *parts: str) -> Path:
     """A path below the directory `root`; one that leads through a link is refused, for it may lead out of the directory."""
     path = root.joinpath(*parts)

@@ -378,7 +378,7 @@ class RunData(Frames[Column]):
         """Copies and other processes open the run anew; files that are open cannot be sent."""
         if self._directory is None:
             return type(self), (self._about, self._segments, None, self.scene, self._problem)
-        return type(self).load, (self.path,)
+        return type(self).load, (self._directory.whole,)
 
     def __enter__(self) -> Self:
         return self

@@ -25,6 +25,7 @@ from typing import IO, Any
 
 from carom.errors import CaromError
 from carom.files import (
+    Anchored,
     RecordError,
     first_link,
     json_bytes,
@@ -73,12 +74,31 @@ class RunDir:
     """
 
     def __init__(self, path: Path, *, durable: bool = True) -> None:
-        self.path = path
+        self._anchored = Anchored(path)
         self.durable = durable
-        self.scenario = path / "scenario.toml"
-        self.about = path / "run.json"
-        self.log_file = path / "log.jsonl"
         self._log: IO[str] | None = None
+
+    @property
+    def path(self) -> Path:
+        """Where it is: as it was given, or as a whole if the working directory is another one by now."""
+        return self._anchored.path
+
+    @property
+    def whole(self) -> Path:
+        """Where it is, from the root on."""
+        return self._anchored.whole
+
+    @property
+    def scenario(self) -> Path:
+        return self.path / "scenario.toml"
+
+    @property
+    def about(self) -> Path:
+        return self.path / "run.json"
+
+    @property
+    def log_file(self) -> Path:
+        return self.path / "log.jsonl"
 
     @classmethod
     def open(cls, path: Path | str) -> RunDir:

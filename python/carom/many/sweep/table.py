@@ -12,7 +12,7 @@ import numpy as np
 import carom
 from carom.arrays import Array, Bool
 from carom.errors import CaromError, counted, did_you_mean, extra
-from carom.files import csv_bytes, inside, write_whole
+from carom.files import Anchored, csv_bytes, inside, write_whole
 from carom.many.sweep.origin import COLUMNS, Origin, tally
 from carom.many.sweep.plot import histograms, places, responses
 from carom.show.plot import require_matplotlib
@@ -32,11 +32,16 @@ class Sweep:
     """One row per case. `sweep["ball3.position.x"]` is a column (cases,); `sweep.failures` lists what went wrong."""
 
     def __init__(self, path: Path, study: Study, table: Any, progress: Progress) -> None:
-        self.path = path
+        self._anchored = Anchored(path)
         self.study = study
         self.table = table
         """A table of pyarrow, None if no case is there."""
         self.progress = progress
+
+    @property
+    def path(self) -> Path:
+        """The folder: as it was given, or as a whole if the working directory is another one by now."""
+        return self._anchored.path
 
     @property
     def columns(self) -> list[str]:

@@ -175,7 +175,7 @@ def _holds_what_counts(file: h5py.File, size: int) -> bool:
 def reaches(column: h5py.Dataset, rows: int) -> None:
     """Raise if the first `rows` rows of a column do not all lie in its file."""
     try:
-        if _reaches(column, rows, os.path.getsize(column.file.filename)):
+        if _reaches(column, rows, os.fstat(column.file.id.get_vfd_handle()).st_size):
             return
     except DAMAGED as error:
         raise damaged(column.file, column.name, error) from error

@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from carom.arrays import Array
-from carom.files import RecordError, unwritable, write_new
+from carom.files import Anchored, RecordError, unwritable, write_new
 from carom.result.record import blank
 from carom.result.record.layout import ENDS, FORMAT, Rows, count, tables
 
@@ -63,8 +63,7 @@ class Writer:
         further: Callable[[], Path] | None = None,
         **walls: Table,
     ) -> None:
-        self.path = path
-        self.paths = [path]  # all that were begun
+        self._anchored = [Anchored(path)]  # of all files that were begun
         self.first = first or Rows()
         self.rows = Rows()  # of this segment, appended, committed or not
         self.committed = Rows()
@@ -74,7 +73,7 @@ class Writer:
         self._expected = expected or Rows()
         self._leave_out = frozenset(leave_out)
         self._further = further
-        self._unsynced: list[Path] = []  # those that were full
+        self._unsynced: list[Anchored] = []  # those that were full
         self._file: Any = None
         self._handle = -1
         self._commit: h5py.Dataset = None
@@ -84,6 +83,16 @@ class Writer:
         self._pending_since = 0.0
         self._worker: threading.Thread | None = None
         self._failure: BaseException | None = None
+
+    @property
+    def path(self) -> Path:
+        """The file that is written."""
+        return self._anchored[-1].path
+
+    @property
+    def paths(self) -> list[Path]:
+        """All files that were begun."""
+        return [file.path for file in self._anchored]
 
     def append(self, block: Mapping[str, Any]) -> None:
         """Take over a block as `Simulation.advance` returns it; the first one fixes columns and types of the file."""
@@ -168,9 +177,8 @@ class Writer:
         self._expected = Rows(*map(max, self._expected, self.rows))
         self._file.close()
         self._file = None
-        self._unsynced.append(self.path)
-        self.path = self._further()
-        self.paths.append(self.path)
+        self._unsynced.append(self._anchored[-1])
+        self._anchored.append(Anchored(self._further()))
         self.first = self.first + self.committed
         self.rows = Rows(*(all_ - done for all_, done in zip(self.rows, self.committed, strict=True)))
         self.committed = Rows()
@@ -207,8 +215,9 @@ class Writer:
         self._wait()
         if self._file is not None:
             with _explained(self.path):
-                for path in self._unsynced:
-                    handle = os.open(path, os.O_RDWR)  # Windows syncs nothing that is open for reading only
+                for file in self._unsynced:
+                    # Windows syncs nothing that is open for reading only.
+                    handle = os.open(file.path, os.O_RDWR)
                     try:
                         os.fsync(handle)
                     finally:

@@ -19,6 +19,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, extra
+from carom.files import Anchored
 from carom.result.clumps import rigid
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import upward
@@ -55,7 +56,7 @@ class Live:
     def __init__(self, source: str | Path | RunData, *, port: int = PORT) -> None:
         viser = extra("viser", "a live view needs viser", "live")
         path = source if isinstance(source, (str, Path)) else source.path
-        self._path = Path(path)
+        self._anchored = Anchored(path)
         self._seen = self._stamp()
         self._result = _load(self._path)
         self._writing = self._result.is_being_written
@@ -77,6 +78,10 @@ class Live:
         self._set_up()
         self._thread = threading.Thread(target=self._work, name="carom-live", daemon=True)
         self._thread.start()
+
+    @property
+    def _path(self) -> Path:
+        return self._anchored.path
 
     @property
     def url(self) -> str:
