@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import tomllib
 from collections.abc import Callable
@@ -29,6 +30,38 @@ def example() -> Scene:
     scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 2), material="cloth")
     scene.contact("ball", "cloth", friction=0.2, restitution=0, rolling_radius="1 mm")
     return scene
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("until", "scene: until: unknown attribute; write scene.run.until"),
+        ("every", "write scene.record.every"),
+        ("gravty", "did you mean gravity?"),
+        ("names", "scene: names: cannot be set"),
+        ("sphere", "call scene.sphere(...)"),
+        ("run", "set keys of it, as scene.run.until"),
+    ],
+)
+def test_attributes_that_nothing_reads_are_refused(name: str, told: str) -> None:
+    """`scene.until = 5` did nothing."""
+    with pytest.raises(carom.ScenarioError) as caught:
+        setattr(example(), name, 1)
+    assert told in str(caught.value)
+
+
+def test_attributes_survive_copies_and_subclasses_have_their_own() -> None:
+    scene = example()
+    scene.title = "copied"
+    assert scene == copy.copy(scene) == copy.deepcopy(scene) == pickle.loads(pickle.dumps(scene))
+
+    class Mine(Scene):
+        def __init__(self) -> None:
+            super().__init__("mine")
+            self.balls = 3
+
+    assert pickle.loads(pickle.dumps(scene)).title == "copied"
+    assert copy.copy(Mine()).balls == 3
 
 
 def test_model_has_the_arrays_of_the_core() -> None:

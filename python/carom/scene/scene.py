@@ -17,6 +17,7 @@ from carom.scene.arguments import explained, renamed, wording
 from carom.scene.assembly.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scene.assembly.mechanics import MECHANICS
 from carom.scene.assembly.placing import Placed
+from carom.scene.attributes import is_settable, refusal
 from carom.scene.builders.attachments import Attacher
 from carom.scene.builders.balls import Number, Vector, make, own
 from carom.scene.builders.from_run import Taker
@@ -75,6 +76,12 @@ class Scene(Waller, Attacher, Taker, Deformer):
         self._source: Source | None = None
         self._places: dict[str, str] = {}  # keys of [run] and [record] that were overridden, and by what
         self._names: set[str] = set()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse what nothing would read. Subclasses may have attributes of their own."""
+        if type(self) is Scene and not name.startswith("_") and not is_settable(Scene, name):
+            raise refusal(Scene, name)
+        super().__setattr__(name, value)
 
     # --- reading and writing --------------------------------------------------------------------------------
 
