@@ -249,6 +249,8 @@ def test_bad_input_is_one_line_and_code_2(arguments: list[str], words: str, runs
         (["run"], "Missing argument"),
         (["run", "x.toml", "--set", "step"], "'step' is not KEY=VALUE"),
         (["view", "x", "--max-mb", "many"], "Invalid value for '--max-mb'"),
+        (["view", "x", "--port", "5"], "--port: a page has no port; add --live"),
+        (["view", "x", "--live", "--open"], ": --live writes no page; leave one of them out"),
         (["examples", "copi"], "No such command 'copi'"),
     ],
 )

@@ -26,6 +26,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("arguments", "told"),
     [
         (["--what", "heights,heigths"], "no plot is called 'heigths'; did you mean heights?"),
+        (["--what", "all", "--step", "99999999"], "the run has no step 99999999; give one from 1 to 20"),
         (["--what", "heights", "--format", "png,svgg"], "no format is called 'svgg'; did you mean svg?"),
     ],
 )
@@ -45,6 +46,16 @@ def test_spaces_after_commas_do_no_harm(run: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     expected = {f"{kind}.{end}" for kind in ("heights", "energies") for end in ("png", "svg", "csv")}
     assert {file.name for file in tmp_path.iterdir()} == expected
+
+
+def test_figures_that_a_step_has_not_are_named(tmp_path: Path) -> None:
+    run = carom.simulate(carom.example("three_balls"), out=tmp_path / "run", until=0.2)
+    quiet = next(step for step in range(1, 200) if step not in set(run.impacts["step"]))
+    done = CliRunner().invoke(
+        app, ["plot", str(run.path), "--step", str(quiet), "-o", str(tmp_path / "figures")]
+    )
+    assert done.exit_code == 0, done.output
+    assert f"step {quiet} has no impacts: no such figure" in done.stderr
 
 
 def test_a_wrong_backend_is_no_error_of_carom(run: Path, tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from carom.cli.options import Json, Run, loaded, option
 from carom.cli.output import emit, guarded
 
@@ -14,12 +16,15 @@ def view(
     run: Run,
     out: Annotated[Path | None, option("-o", "--out", "FILE", "Output file. Default: RUN/view.html.")] = None,
     max_mb: Annotated[
-        float, option("--max-mb", "MB", "Largest page; longer runs keep fewer frames.")
-    ] = 100.0,
+        float | None,
+        option("--max-mb", "MB", "Largest page; longer runs keep fewer frames. Default: 100."),
+    ] = None,
     live: Annotated[
         bool, option("--live", "Serve the run on this machine and follow it (needs the extra `live`).")
     ] = False,
-    port: Annotated[int, option("--port", "N", "Port of --live.", min=1, max=65535)] = 8080,
+    port: Annotated[
+        int | None, option("--port", "N", "Port of --live. Default: 8080.", min=1, max=65535)
+    ] = None,
     open_: Annotated[bool, option("--open", "Open the page in the web browser.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -30,12 +35,23 @@ def view(
     Example: carom view runs/break-1 --open
     """
     if live:
-        from carom.show.viewer.live import serve
+        of_pages = {
+            "--out": out is not None,
+            "--max-mb": max_mb is not None,
+            "--open": open_,
+            "--json": as_json,
+        }
+        if given := [name for name, is_given in of_pages.items() if is_given]:
+            raise typer.BadParameter(f"{', '.join(given)}: --live writes no page; leave one of them out")
+        from carom.show.viewer.live import PORT, serve
 
-        serve(run, port, print)
+        serve(run, PORT if port is None else port, print)
         return
+    if port is not None:
+        raise typer.BadParameter("--port: a page has no port; add --live to serve the run")
     result = loaded(run)
-    info = result.view(out, open_browser=open_, max_mb=max_mb, title=result.title or None)
+    size = 100.0 if max_mb is None else max_mb
+    info = result.view(out, open_browser=open_, title=result.title or None, max_mb=size)
     if as_json:
         facts = {"frames": info.frames, "bodies": info.bodies, "bytes": info.bytes, "notes": list(info.notes)}
         emit({"file": str(info.path), **facts})

@@ -118,6 +118,11 @@ class Plots:
     def available(self, step: int | None = None) -> list[str]:
         """The figures that the run has something for; those of a step only if it has them."""
         result = self._result
+        if step is not None:
+            steps = np.asarray(result.steps["step"])
+            if step not in steps:
+                reach = f"from {steps[0]} to {steps[-1]}" if len(steps) else "of a run that has begun"
+                raise CaromError(f"the run has no step {step}; give one {reach}")
         lacking = {
             "phases": not len(result.contacts),
             "impacts": not len(result.impacts)
