@@ -301,8 +301,17 @@ def test_what_a_part_does_not_have(sliding: carom.Result) -> None:
         _ = part.export  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match=r"no attribute 'walks'$"):
         _ = part.walks  # type: ignore[attr-defined]
-    with pytest.raises(AttributeError, match="without sel"):
-        carom.granular.snapshot(part)  # type: ignore[arg-type]
+    assert not hasattr(part, "scene")
+    for function in (
+        carom.granular.coordination,
+        carom.granular.snapshot,
+        carom.events.detect,
+        carom.events.first_contacts,
+        carom.audit.check,
+        carom.audit.rerun,
+    ):
+        with pytest.raises(CaromError, match="give a function the whole one"):
+            function(part)  # type: ignore[operator]
 
 
 def test_momentum_and_energy_by_ball(result: carom.Result) -> None:

@@ -41,6 +41,12 @@ if TYPE_CHECKING:
 T = TypeVar("T", Impacts, Impulses, Contacts, Events, Transitions)
 
 
+class NotOfAPart(CaromError, AttributeError):
+    """What only a whole result has: for `hasattr` an attribute that is not there, for functions a mistake to mend."""
+
+    __str__ = CaromError.__str__
+
+
 class Selection(Frames[F64]):
     """Some frames and some balls of a result. Arrays are read when they are asked for."""
 
@@ -142,10 +148,10 @@ class Selection(Frames[F64]):
 
         def __getattr__(self, name: str) -> NoReturn:
             told = f"a part of a result has no attribute {name!r}"
-            if not name.startswith("_") and hasattr(type(self._result), name):
-                told += "; take it from the whole result, without sel"
-                told += " (start, stop and every choose frames)" if name == "export" else ""
-            raise AttributeError(told)
+            if name.startswith("_") or not hasattr(type(self._result), name):
+                raise AttributeError(told)
+            told += "; take it from the whole result, without sel, or give a function the whole one"
+            raise NotOfAPart(told + (" (start, stop and every choose frames)" if name == "export" else ""))
 
     def _parts(self) -> list[Part]:
         return [part.chosen(self._frames, self._bodies) for part in self._result._parts()]

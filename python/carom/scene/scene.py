@@ -12,7 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from carom.errors import Problem, ScenarioError, counted, quoted
+from carom.errors import CaromError, Problem, ScenarioError, counted, quoted
+from carom.files import reason
 from carom.scene.arguments import explained, renamed, wording
 from carom.scene.assembly.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scene.assembly.mechanics import MECHANICS
@@ -131,7 +132,13 @@ class Scene(Waller, Attacher, Taker, Deformer):
             )
         text = to_text(resolved_tree(self._tree) if resolved else self._tree, everything=resolved)
         if path is not None:
-            Path(path).write_text(text, encoding="utf-8")
+            try:
+                Path(path).write_text(text, encoding="utf-8")
+            except (
+                OSError,
+                ValueError,
+            ) as error:  # ValueError: a null byte in the name, half a character in a text
+                raise CaromError(f"cannot write {path}: {reason(error)}") from error
         return text
 
     def resolved(self) -> Scene:
