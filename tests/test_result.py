@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import importlib.util
 import pickle
+import signal
 import subprocess
 import sys
 import warnings
@@ -64,6 +65,10 @@ def test_a_body_by_its_name(result: carom.Result) -> None:
     assert [b.name for b in result] == ["one", "two"]
     with pytest.raises(KeyError, match="did you mean two"):
         result["tow"]
+    for number in (0, np.int64(0), -1):
+        with pytest.raises(KeyError, match=rf"sel\(body={number}\)"):
+            result[number]
+    assert result.sel(body=0).names == ["one"]
 
 
 def test_impacts_are_a_table(result: carom.Result) -> None:
@@ -219,6 +224,20 @@ def test_a_result_is_found_from_another_working_directory(
     assert np.array_equal(result.save(tmp_path / "copy").position, pickle.loads(sent).position)
     assert carom.audit.check(result).ok
     assert not list((tmp_path / "other").iterdir())
+
+
+def test_ctrl_c_in_memory_leaves_what_was_computed(scene: Any) -> None:
+    def press(view: Any) -> None:
+        if view.step == 300:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt, match="the attribute `result`") as caught:
+        carom.simulate(scene, until=1.0, callback=press, callback_every=100)
+    result = caught.value.result  # type: ignore[attr-defined]
+    assert result.status == "interrupted"
+    assert 0.3 <= result.outcome.time < 0.5
+    whole = carom.simulate(scene, until=1.0)
+    assert np.array_equal(result.steps["energy_kinetic"][:300], whole.steps["energy_kinetic"][:300])
 
 
 def test_the_repr_says_what_it_is(result: carom.Result) -> None:

@@ -50,6 +50,16 @@ def test_attributes_that_nothing_reads_are_refused(name: str, told: str) -> None
     assert told in str(caught.value)
 
 
+def test_a_file_that_cannot_be_written_is_an_error_of_carom(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "absent" / "x.toml", tmp_path / "a\0b"):
+        with pytest.raises(CaromError, match="cannot write"):
+            example().to_toml(path)
+
+
+def test_text_may_begin_with_a_byte_order_mark() -> None:
+    assert Scene.from_toml("\ufeff" + example().to_toml()) == example()
+
+
 def test_attributes_survive_copies_and_subclasses_have_their_own() -> None:
     scene = example()
     scene.title = "copied"

@@ -112,6 +112,9 @@ def test_where_there_is_no_derivative_it_says_so() -> None:
         carom.sensitivity(shot(0.6), [])
     with pytest.raises(carom.CaromError, match="not one number"):
         carom.sensitivity(shot(0.6), ["cue.velocity"])
+    for twice in (["cue.velocity.x"] * 2, ["ball/bed.friction", "bed/ball.friction"]):
+        with pytest.raises(carom.CaromError, match="both name the same number"):
+            carom.sensitivity(shot(0.6), twice)
     with pytest.raises(carom.CaromError, match="a run fails"):
         carom.sensitivity(shot(0.3, friction=0.0), ["ball/bed.friction"])  # none is below 0
     with pytest.raises(carom.CaromError, match="arguments of the function"):

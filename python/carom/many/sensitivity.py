@@ -118,12 +118,15 @@ def _of_scene(
         )
     scene = scene_of(scene, "sensitivity").with_options(**options)
     overrides, value = Overrides(scene, {}), {}
+    places: dict[Any, str] = {}
     for name in to:
         place, shape = overrides._place(name)
         if shape:
             raise CaromError(
                 f"sensitivity: {quoted(name)} is not one number; name its component, as {name}.x"
             )
+        if (other := places.setdefault(place, name)) != name or name in value:
+            raise CaromError(f"sensitivity: {quoted(other)} and {quoted(name)} both name the same number")
         value[name] = float(overrides._base[place.array][place.index])
     return (
         (lambda given: simulate_batch(scene, given, threads=threads, impacts=True)),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carom.arrays import F64, I64
 from carom.errors import among, extra
+from carom.numeric import is_whole
 from carom.result.tables import Impacts, UnknownName
 
 if TYPE_CHECKING:
@@ -225,6 +226,10 @@ class Body(Motion[F64]):
             clumps = getattr(whole, "clumps", None)  # of a view an array
             is_clump = isinstance(clumps, Mapping) and name in clumps
             cure = f"it is a clump: take clumps[{name!r}]" if is_clump else among(str(name), names)
+            if is_whole(name) and hasattr(whole, "sel"):
+                cure = (
+                    f"a number is for sel(body={int(name)}), frames for arrays: result.position[{int(name)}]"
+                )
             raise UnknownName(f"no body is called {name!r}; {cure}")
         return cls(whole, names.index(name))
 

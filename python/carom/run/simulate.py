@@ -91,7 +91,7 @@ def simulate(
     not changed: `carom.simulate(scene, until=1.0, step=1e-4, every=10)`. The result is kept in memory, and `Result.save`
     writes it; with `out` it is written to that run directory while the run goes on (an existing one is refused without
     `force`), and Ctrl-C and SIGTERM leave a checkpoint. `progress` is called about ten times a second. Ctrl-C stops between
-    two steps, then raises `KeyboardInterrupt`.
+    two steps, then raises `KeyboardInterrupt`, whose attribute `result` has all that was computed.
 
     `save_problems` stores contact problems in `problems/` of the run directory (docs/reference/problems.md; without `out` a
     temporary one), in
@@ -536,8 +536,14 @@ def _judged(result: Result, stop: Interrupt, level: int, *, kept: bool = True) -
     if stop and outcome.kind == "interrupted":
         if stop.signal == signal.SIGTERM:  # it now does what it would have done without us
             signal.raise_signal(signal.SIGTERM)
-        where = f"what was computed is in {result.path}" if kept else "pass out=... to keep what was computed"
-        raise KeyboardInterrupt(f"interrupted at t = {outcome.time:g} s; {where}")
+        where = (
+            f"in {result.path}"
+            if kept
+            else "the attribute `result` of this exception, and out=... would keep it"
+        )
+        pressed = KeyboardInterrupt(f"interrupted at t = {outcome.time:g} s; what was computed is {where}")
+        pressed.result = result  # type: ignore[attr-defined]
+        raise pressed
     stopped = RunFailed(str(outcome), result)
     for remark in told:  # behind the message: why there is no result comes before what may be wrong in it
         stopped.add_note(f"warning: {remark}")

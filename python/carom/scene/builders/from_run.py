@@ -24,10 +24,11 @@ class Taker(Builder):
         """Add the balls and clumps of a run as they are at a frame, and return them: to go on from there in another scene.
 
         `frame` counts as in arrays, the last one by default; with `time` (s) it is the nearest one. Names, radii, masses,
-        inertias, materials (by name), positions and velocities are those of the run to the last bit, orientations to
-        rounding; absent balls are left out. Walls, laws, gravity, joints and loads are those of this scene, whose time
-        begins at 0. Of a run whose periodic box deforms velocities are those against its mean flow, as scenes have them; the
-        box is not taken over, and one that is sheared fits where `result.box(frame).tilt` is 0.
+        inertias, materials (by name), positions and velocities of balls and clumps are those of the run to the last bit.
+        Orientations, and places of balls in clumps, are so to rounding; absent balls are left out. Walls, laws, gravity,
+        joints and loads are those of this scene, whose time begins at 0. Of a run whose periodic box deforms velocities are
+        those against its mean flow, as scenes have them; the box is not taken over, and one that is sheared fits where
+        `result.box(frame).tilt` is 0.
 
         Balls of a settled pile overlap by up to about the `pile_tolerance` of its run. Give this scene the same one, and
         they count as touching.

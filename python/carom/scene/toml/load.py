@@ -100,6 +100,7 @@ def parse(
     """The scenario written in `text`; `name` is what messages call it. `case`, `given`: as in `read`. Files that it names
     lie in `folder`, by default in the present directory.
     """
+    text = text.removeprefix("\ufeff")  # the mark of byte order, which some editors write
     raw = _toml(text, name)
     source = Source(name, text, dict(raw))  # with the tables that go now, for messages about them
     variant, formulas = parameters.substitute(raw, case, given)
