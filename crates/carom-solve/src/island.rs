@@ -48,6 +48,8 @@ pub struct NewtonOptions {
     pub max_line_search: u32,
     /// Up to this many contacts: dense matrix with the exact Hessian.
     pub dense_contacts: usize,
+    /// Share by which contacts give way of what they would alone: where impulses can hold one another many solutions are one then.
+    pub softness: f64,
     pub beside: Beside,
 }
 
@@ -344,6 +346,11 @@ impl Newton {
         let (lambda, u) = x.split_at(on.system.rows());
         on.problem.evaluate(on.system, u, &mut self.at.z);
         let system = &*on.system;
+        for c in system.contacts.iter().filter(|c| !c.bilateral) {
+            for row in c.rows() {
+                self.at.z[row] += on.options.softness * system.diag[row] * lambda[row];
+            }
+        }
         self.at
             .project(system.contacts.iter().map(RowContact::group), lambda);
         let (mut rr, mut pp, mut ll) = (0.0, 0.0, 0.0);
@@ -535,6 +542,7 @@ impl<P: Subproblem> Equations for OnRows<'_, '_, P> {
             statuses: &at.statuses,
             lambda,
             u,
+            softness: self.on.options.softness,
         };
         let near = merit < NEAR * newton.began || self.report.residual < NEAR * NEAR;
         let linear = &mut newton.linear;

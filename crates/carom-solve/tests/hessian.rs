@@ -331,6 +331,7 @@ fn the_reduced_step_is_the_newton_step() {
             statuses: &at.statuses,
             lambda: &lambda,
             u: &u,
+            softness: 0.0,
         };
         let (mut dl, mut du) = (vec![0.0; lambda.len()], vec![0.0; u.len()]);
         // A shift of zero: the plain Newton step. Both ways of assembling and factoring, where they mean the same.

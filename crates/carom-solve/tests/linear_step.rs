@@ -69,6 +69,7 @@ fn large_islands_with_loads_take_the_same_step() {
             statuses: &statuses,
             lambda: &lambda,
             u: &u,
+            softness: 0.0,
         };
         let (mut dl, mut du) = ([0.0; 4], [0.0; 12]);
         LinearStep::default()

@@ -244,6 +244,7 @@ fn dense_and_sparse_find_the_same_velocities_without_friction() {
             &mut Measured(&[]),
             &NewtonOptions {
                 dense_contacts: 0,
+                softness: 0.0,
                 ..sharp()
             },
         );

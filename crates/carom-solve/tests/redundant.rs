@@ -95,10 +95,12 @@ fn redundant_contacts_are_solved() {
             for options in [
                 NewtonOptions {
                     dense_contacts: 100,
+                    softness: 0.0,
                     ..sharp()
                 },
                 NewtonOptions {
                     dense_contacts: 0,
+                    softness: 0.0,
                     ..sharp()
                 },
             ] {

@@ -22,6 +22,12 @@ from carom.audit.hits import Hits
 MOST = 60
 #: Rounds of sweeps and a step of Newton's method, and the residual over the largest impulse that ends them.
 ROUNDS, SWEEPS, SOLVED = 60, 5, 1e-13
+#: Share by which contacts give way: of many solutions the core takes the one that they have then.
+SOFTNESS = 1e-6
+#: Singular values below which changes are held by the softness.
+HELD = 10.0 * SOFTNESS
+#: How often they are solved again from there, without it.
+AGAIN = 4
 #: How much of a residual the solution may hold of before it counts as one of many.
 UNIQUE = 1e7
 #: How far friction may be from its bound, as a share of it, and slip as well as stick; over the largest impulse, how far
@@ -72,7 +78,9 @@ def of_rows(
         ways, gradient, inverse = _rows(run, r.of(rows), lever[rows])
         across = ways[:, 1:]
         z = np.column_stack([approach[rows], np.einsum("ktx,kx->kt", across, slip[rows])])
-        solved = solve((gradient * inverse) @ gradient.T, z.ravel(), mu[rows])
+        # Of several solutions that near to what the first problem had, which differs by the loads.
+        begin = np.einsum("kwx,kx->kw", ways, _first(r, contact, rows))
+        solved = solve((gradient * inverse) @ gradient.T, z.ravel(), mu[rows], begin)
         if solved is None:
             unknown[rows] = "groups whose impulses of compression are not unique, or were not found"
         else:
@@ -103,10 +111,32 @@ def _rows(run: Run, r: Hits, lever: F64) -> tuple[F64, F64, F64]:
     return ways, gradient.reshape(3 * len(r), -1), inverse
 
 
-def solve(w: F64, q: F64, mu: F64) -> tuple[F64, float] | None:
-    """Impulses (n, 3) and the largest change of one over that of the residual; None: not found, or not unique."""
+def _first(r: Hits, contact: I64, rows: I64) -> F64:
+    """(n, 3) impulses in the first problem of the contacts that begin with these rows."""
+    found, mine = np.zeros((len(rows), 3)), np.flatnonzero(r.problem == 1)
+    at = np.searchsorted(contact[rows], contact[mine])
+    here = contact[rows][np.minimum(at, len(rows) - 1)] == contact[mine]
+    found[at[here]] = r.impulse[mine[here]]
+    return found
+
+
+def solve(w: F64, q: F64, mu: F64, begin: F64) -> tuple[F64, float] | None:
+    """Impulses (n, 3), looked for from `begin`, and the largest change of one over that of the residual, but for those that
+    the softness holds; None: not found, or not unique.
+    """
+    give, found = SOFTNESS * np.diag(w), _solved(w, q, mu, begin.ravel(), SOFTNESS)
+    for _ in range(AGAIN):
+        if found is None:
+            break
+        # From there, without what the softness has left.
+        found = _solved(w, q - give * found[0].ravel(), mu, found[0].ravel(), SOFTNESS)
+    return found
+
+
+def _solved(w: F64, q: F64, mu: F64, begin: F64, softness: float) -> tuple[F64, float] | None:
+    w = w + softness * np.diag(np.diag(w))
     n, step = len(mu), 1.0 / np.diag(w)
-    r, scale = np.zeros(3 * n), float(np.abs(step * q).max(initial=0.0))
+    r, scale = begin.copy(), float(np.abs(step * q).max(initial=0.0))
     for _ in range(ROUNDS):
         for i in np.tile(np.arange(n), SWEEPS):
             rows = slice(3 * i, 3 * i + 3)
@@ -120,8 +150,10 @@ def solve(w: F64, q: F64, mu: F64) -> tuple[F64, float] | None:
         if np.abs(residual).max() <= SOLVED * scale:
             # What is at rest on an edge of its law may give way to either side.
             slopes = (slope, *(_natural(w, q, mu, step, r, edge)[1] for edge in (EDGE, -EDGE)))
-            least = min(float(np.linalg.svd(of, compute_uv=False)[-1]) for of in slopes)
-            return (r.reshape(n, 3), 1.0 / least) if least * UNIQUE > 1.0 else None
+            changes = [np.linalg.svd(of, compute_uv=False) for of in slopes]
+            if min(of[-1] for of in changes) * UNIQUE <= 1.0:
+                return None
+            return r.reshape(n, 3), 1.0 / min(of[of > HELD].min() for of in changes)
     return None
 
 

@@ -75,6 +75,8 @@ pub struct ImpactScratch {
     pub(super) explained: Vec<f64>,
     /// Share of the tolerance that the solve at hand may leave.
     pub(super) fineness: f64,
+    /// Share by which contacts give way in the solve at hand.
+    pub(super) softness: f64,
     pub(super) velocity: Vec<f64>,
     pub(super) force: Vec<f64>,
     pub(super) table: ImpactTable,

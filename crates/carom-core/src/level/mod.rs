@@ -100,6 +100,7 @@ pub(crate) fn newton_options(
             0
         },
         dense_contacts: options.dense_contacts as usize,
+        softness: 0.0,
         beside: Beside {
             sweeps: companion(options, position).is_some() && !options.is_printed(),
             linearised: options.gauss_seidel_sweeps > 0,

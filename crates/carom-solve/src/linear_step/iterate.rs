@@ -10,4 +10,6 @@ pub struct Iterate<'a> {
     pub statuses: &'a [Status],
     pub lambda: &'a [f64],
     pub u: &'a [f64],
+    /// Share of the diagonal by which contacts give way.
+    pub softness: f64,
 }

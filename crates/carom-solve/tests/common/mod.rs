@@ -204,6 +204,7 @@ pub fn sharp() -> NewtonOptions {
         proximal_shift: 1e-4,
         max_line_search: 10,
         dense_contacts: 10,
+        softness: 0.0,
         beside: Beside {
             linearised: true,
             ..Beside::default()

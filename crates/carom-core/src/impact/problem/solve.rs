@@ -11,6 +11,7 @@ use crate::level::coupling::Trial;
 use crate::level::speeds::closing_left;
 use crate::level::{newton_options, worst_group};
 use crate::model::Model;
+use crate::options::Impact;
 use crate::outcome::Level;
 use crate::problem::Solve;
 use crate::rows::along;
@@ -28,6 +29,11 @@ const AT_REST: f64 = 1e-3;
 /// How much finer (1) a problem is solved whose residual may give energy. Larger: six balls in a tree gain 1e-9 of their energy. Smaller: below the
 /// rounding of large islands, and the step takes iterations for nothing.
 const FINER: f64 = 1e-4;
+
+/// Share (1) by which contacts give way where that chooses among solutions. Larger, what it chooses is farther from one; smaller, rounding chooses.
+const SOFTNESS: f64 = 1e-6;
+/// Residual (1) that is asked for with it at least, a little above rounding.
+const LEAST_TOLERANCE: f64 = 1e-13;
 
 /// Iterations for it. Fewer: some problems of ten contacts stay as they were; more: those that rounding keeps from it take their time.
 const FINER_ITERATIONS: u32 = 8;
@@ -47,7 +53,10 @@ impl ImpactScratch {
         self.scale.clear();
         self.scale.resize(self.chosen.len(), 1.0);
         self.build(on, law);
-        if !self.solve_stated(on, problem, warm) {
+        // Poisson's law gives back what it finds in all contacts at once.
+        let gives_back = on.task.model.options.impact == Impact::Poisson && problem > 0;
+        let soft = if gives_back { self.softly(on) } else { None };
+        if !self.solve_stated(on, problem, soft.as_deref().or(warm)) {
             return false;
         }
         // The files of problems know no least impulses.
@@ -68,7 +77,8 @@ impl ImpactScratch {
         // An impact takes no time, in which loads could answer it.
         let loads = std::mem::take(&mut self.loads);
         let load = std::mem::take(&mut self.sub.load);
-        let solved = self.solve_built(on, 1, None);
+        let soft = self.softly(on);
+        let solved = self.solve_built(on, 1, soft.as_deref());
         (self.loads, self.sub.load) = (loads, load);
         self.expansion.clear();
         self.expansion.resize(self.full.rows(), 0.0);
@@ -352,7 +362,31 @@ impl ImpactScratch {
             options.max_iterations = FINER_ITERATIONS;
             options.beside = Beside::default();
         }
+        if self.softness > 0.0 {
+            // What is left over the softness tells solutions apart.
+            let finer = FINER.max(LEAST_TOLERANCE / options.tolerance).min(1.0);
+            options.tolerance *= finer;
+            options.floor *= finer;
+            options.softness = self.softness;
+            options.beside = Beside::default();
+        }
         options
+    }
+
+    /// The impulses of the problem at hand where contacts give way a little, from nothing: of many solutions the least, as equal springs would share it.
+    /// Nothing where there is one contact, or where they were not found.
+    fn softly(&mut self, on: &mut On) -> Option<Vec<f64>> {
+        if self.chosen.len() < 2 {
+            return None;
+        }
+        let (before, accept) = (on.snapshot(), self.accept_unconverged);
+        (self.softness, self.accept_unconverged) = (SOFTNESS, false);
+        let solved = self.solve_built(on, 1, None);
+        (self.softness, self.accept_unconverged) = (0.0, accept);
+        if !solved {
+            on.restore(before);
+        }
+        solved.then(|| self.lambda.clone())
     }
 
     pub(in crate::impact) fn solve_built(
@@ -390,7 +424,7 @@ impl ImpactScratch {
         if result.converged {
             return true;
         }
-        if self.fineness == 1.0 {
+        if self.fineness == 1.0 && self.softness == 0.0 {
             self.keep(on, problem);
         }
         on.report.unconverged += u32::from(self.accept_unconverged);

@@ -1,0 +1,60 @@
+"""Law `poisson` where impulses have self-stress: of many solutions one, which goes on where the motion does."""
+
+from __future__ import annotations
+
+import carom
+import numpy as np
+import pytest
+from carom import billiards
+
+
+def shot(side: int = 1, shift: float = 0.0) -> carom.Scene:
+    """A ball that slides into a rail without spin: bed and nose hold it along the line between both."""
+    table = billiards.table("9ft")
+    scene = table.scene("rail", until=0.4, impact="poisson")
+    ball = table.cue_ball(scene, (0.8, 0.1 if side > 0 else table.spec.width - 0.1))
+    ball.velocity = (0.2 + shift, -3.0 * side, 0.0)
+    return scene
+
+
+def test_neighbouring_rail_hits_end_beside_one_another() -> None:
+    start = 0.2 + 1e-6 * np.arange(200)
+    batch = carom.simulate_batch(shot(), {"cue.velocity.x": start})
+    ways = np.diff(np.asarray(batch["cue"].position)[:, 0])
+    assert np.abs(ways - np.median(ways)).max() < 0.05 * np.median(ways)
+
+
+def test_a_rail_hit_and_its_mirror_image() -> None:
+    ends = [carom.simulate(shot(side))["cue"].velocity[-1] for side in (1, -1)]
+    assert ends[0] == pytest.approx(ends[1] * (1, -1, 1), abs=1e-8)
+
+
+def test_a_step_ends_where_the_exact_method_does() -> None:
+    exact = carom.simulate(shot())["cue"].velocity[-1]
+    stepped = [carom.simulate(shot(), method="nsga", step=h)["cue"].velocity[-1] for h in (2e-5, 1e-5)]
+    off = [np.abs(v - exact).max() for v in stepped]
+    assert off[1] < 0.7 * off[0] < 1e-3
+
+
+def rack(rows: int, restitution: float, friction: float) -> carom.Scene:
+    """A triangle on a floor, hit head-on."""
+    r = 0.01
+    scene = carom.Scene("rack", gravity=(0, 0, 0))
+    scene.contact("ball", "ball", friction=friction, restitution=restitution)
+    scene.contact("ball", "floor", friction=friction, restitution=restitution)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    scene.rack("q", apex=(0, 0, r), direction=(1, 0, 0), radius=r, mass=0.03, material="ball", rows=rows)
+    scene.sphere("cue", radius=r, mass=0.03, at=(-2 * r, 0, r), velocity=(2, 0, 0), material="ball")
+    return scene
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-11])
+@pytest.mark.parametrize("friction", [0.3, 1.0])
+def test_the_auditor_finds_the_same_in_racks(method: str, tolerance: float, friction: float) -> None:
+    """Racks have mirror images of solutions, too: it begins at the recorded one."""
+    options = {"method": method, "tolerance": tolerance, "step": 1e-5, "until": 1e-5, "impact": "poisson"}
+    result = carom.simulate(rack(3, 0.5, friction), **options)
+    report = carom.audit.check(result)
+    assert report.ok, report
+    assert report["impact"].judged > 0
