@@ -105,6 +105,62 @@ def test_a_break_through_tens_of_impacts() -> None:
     np.testing.assert_allclose(found.position[0], exact, rtol=0, atol=1e-4 * np.abs(exact).max())
 
 
+@pytest.mark.parametrize("gap", [0.0, 1e-12])
+def test_what_parts_bodies_that_touch_has_no_derivative(gap: float) -> None:
+    """Steps within the gap that counts as closed change nothing: the difference is exactly 0, and 0.2 with larger ones."""
+    scene = shot(0.1)
+    scene.spheres[0].position = (0.0, 0.0, R + gap)
+    for name in ("cue.position.z", "cue.radius"):
+        with pytest.raises(carom.CaromError, match=f'by "{name}": cue and bed touch at the start'):
+            carom.sensitivity(scene, [name])
+    along = carom.sensitivity(scene, ["cue.position.x", "cue.velocity.z", "cue.mass"])
+    np.testing.assert_allclose(along.of("cue")[[0, 2], 0], [1.0, 0.0], atol=1e-9)
+
+
+def test_a_gap_that_is_one_has_a_derivative() -> None:
+    """A ball that slides has `x = v t - mu (g t^2/2 - gap)`: friction has the impulse of the bed, and that of its fall."""
+    scene = shot(0.1)
+    scene.spheres[0].position = (0.0, 0.0, R + 1e-6)
+    found = carom.sensitivity(scene, ["cue.position.z"])
+    assert found.of("cue")[0, 0] == pytest.approx(MU, rel=1e-6)
+
+
+def test_balls_that_touch_may_move_along_their_contact_or_together() -> None:
+    def pair(along: float, radius: float) -> carom.Scene:
+        table = billiards.table("9ft")
+        scene = table.scene("a pair", until=0.1)
+        first = table.ball(scene, "1", at=(0.5 + along, 0.5), radius=radius)
+        first.velocity = (1.0, 0.0, 0.0)
+        table.ball(scene, "2", at=(0.5 + along + 2.0 * R, 0.7))
+        table.ball(scene, "3", at=(0.5 + along + 4.0 * R, 0.7))
+        return scene
+
+    found = carom.sensitivity(pair, {"along": 0.1, "radius": R})
+    # All balls go along with the first input. The second lifts the ball with its radius, which slides as before.
+    np.testing.assert_allclose(found.position[0], [[1, 0, 0]] * 3, atol=1e-8)
+    np.testing.assert_allclose(found.of("1")[1], [0, 0, 1], atol=1e-8)
+    scene = pair(0.1, R)
+    for name in ("2.position.x", "3.position.x"):
+        with pytest.raises(carom.CaromError, match="2 and 3 touch at the start"):
+            carom.sensitivity(scene, [name])
+    carom.sensitivity(scene, ["2.position.y"])
+
+
+def test_a_law_of_friction_is_no_single_number() -> None:
+    table = billiards.table("9ft")
+    scene = table.scene("a shot", until=0.1)
+    table.cue_ball(scene).velocity = (1.0, 0.0, 0.0)
+    with pytest.raises(
+        carom.CaromError, match=r'"ball/ball\.friction" is a law of the slip speed, which has'
+    ):
+        carom.sensitivity(scene, ["ball/ball.friction"])
+    assert carom.sensitivity(scene, ["ball/cloth.friction"]).of("cue")[0, 0] == pytest.approx(
+        -0.049, rel=1e-6
+    )
+    with pytest.raises(carom.CaromError, match=r'"gravity" is not one number; let a function build'):
+        carom.sensitivity(scene, ["gravity"])
+
+
 def test_where_there_is_no_derivative_it_says_so() -> None:
     with pytest.raises(carom.CaromError, match=r"no derivative by .*other events follow"):
         carom.sensitivity(shot(0.6, offset=2.0 - 1e-9, friction=0.0), ["cue.position.y"])

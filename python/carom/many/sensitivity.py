@@ -18,6 +18,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, quoted
+from carom.many import moved
 from carom.many.batch import simulate_batch
 from carom.many.batch_result import Batch
 from carom.many.cases import Overrides
@@ -35,6 +36,8 @@ STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 PLACES = (1.0, -1.0, 0.5, -0.5)
 #: Error of a derivative over its size from which no smaller step is tried.
 ENOUGH = 1e-10
+OTHER = "other events follow: a hit grazes, or two happen at one time"
+OF_A_FUNCTION = "let a function build the scene, and name its argument"
 PRESS, SPIN_ENDS = (Transitions.EVENTS.index(event) for event in ("press", "spin ends"))
 
 
@@ -80,7 +83,8 @@ def sensitivity(
     as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`.
 
     Raises `CaromError` where there is no derivative: where the events that follow depend on the smallest change, as at a
-    grazing hit, and where balls press one another, so that steps are made.
+    grazing hit; where an input moves bodies apart that touch at the start; and where balls press one another, so that steps
+    are made.
     """
     if not to:
         raise CaromError('sensitivity: to names no input; name some, as ["cue.velocity.x"]')
@@ -90,13 +94,14 @@ def sensitivity(
         if callable(scene)
         else _of_scene(scene, to, threads, options)
     )
-    base, value, names = runs
+    base, start, value, names = runs
     batch = base({})
     if not batch.ok.all():
         raise CaromError(f"sensitivity: the shot itself fails ({batch.outcome[0]}): {batch.message[0]}")
     events = _events(batch)[0]
     if any(row[0] == PRESS for row in events):
         raise CaromError("sensitivity: balls press one another; what steps compute has no exact derivative")
+    _refuse_to_part(start, value)
     found = [_derivative(base, name, value[name], events) for name in value]
     parts = {q: np.array([d[q] for d, _ in found]) for q in QUANTITIES}
     return Sensitivity(tuple(value), tuple(names), **parts, error=np.array([off for _, off in found]))
@@ -104,6 +109,8 @@ def sensitivity(
 
 Run = Callable[[Mapping[str, F64]], Batch]
 """Runs of a shot with other values of some inputs, (B,) each; of none: of the shot itself."""
+Start = Callable[[Mapping[str, float]], tuple[moved.Model, list[str]]]
+"""The model of a shot with other values of some inputs, and the names of its balls and walls."""
 
 
 def _of_scene(
@@ -111,7 +118,7 @@ def _of_scene(
     to: Sequence[str] | Mapping[str, float],
     threads: int | None,
     options: Mapping[str, Any],
-) -> tuple[Run, dict[str, float], list[str]]:
+) -> tuple[Run, Start, dict[str, float], list[str]]:
     if isinstance(to, (str, Mapping)):
         raise CaromError(
             'sensitivity: to must be a list of inputs, as ["cue.velocity.x"]; values are the scene\'s'
@@ -122,17 +129,24 @@ def _of_scene(
     for name in to:
         place, shape = overrides._place(name)
         if shape:
+            cure = f"name its component, as {name}.x" if name != "gravity" else OF_A_FUNCTION
+            raise CaromError(f"sensitivity: {quoted(name)} is not one number; {cure}")
+        laws = overrides._base.get(f"{place.array}_law")
+        if laws is not None and laws[place.index[0]] is not None:
             raise CaromError(
-                f"sensitivity: {quoted(name)} is not one number; name its component, as {name}.x"
+                f"sensitivity: {quoted(name)} is a law of the slip speed, which has no single number; {OF_A_FUNCTION}"
             )
         if (other := places.setdefault(place, name)) != name or name in value:
             raise CaromError(f"sensitivity: {quoted(other)} and {quoted(name)} both name the same number")
         value[name] = float(overrides._base[place.array][place.index])
-    return (
-        (lambda given: simulate_batch(scene, given, threads=threads, impacts=True)),
-        value,
-        list(scene.names),
-    )
+
+    def run(given: Mapping[str, F64]) -> Batch:
+        return simulate_batch(scene, given, threads=threads, impacts=True)
+
+    def start(given: Mapping[str, float]) -> tuple[moved.Model, list[str]]:
+        return Overrides(scene, {name: [x] for name, x in given.items()}).model(0), _bodies(scene)
+
+    return run, start, value, list(scene.names)
 
 
 def _of_function(
@@ -140,7 +154,7 @@ def _of_function(
     to: Sequence[str] | Mapping[str, float],
     threads: int | None,
     options: Mapping[str, Any],
-) -> tuple[Run, dict[str, float], list[str]]:
+) -> tuple[Run, Start, dict[str, float], list[str]]:
     if not isinstance(to, Mapping):
         raise CaromError(
             'sensitivity: give the arguments of the function with their values, as {"speed": 2.0}'
@@ -152,13 +166,39 @@ def _of_function(
         scenes = [build(**value | {name: float(x[k]) for name, x in given.items()}) for k in range(cases)]
         return simulate_batch(scenes, threads=threads, impacts=True, **options)
 
-    return run, value, list(build(**value).names)
+    def start(given: Mapping[str, float]) -> tuple[moved.Model, list[str]]:
+        scene = build(**value | dict(given)).with_options(**options)
+        return scene.to_model(), _bodies(scene)
+
+    return run, start, value, list(build(**value).names)
+
+
+def _bodies(scene: Scene) -> list[str]:
+    return [*scene.names, *scene.wall_names]
+
+
+def _refuse_to_part(start: Start, value: Mapping[str, float]) -> None:
+    """Raise where an input moves bodies apart that touch at the start."""
+    model, bodies = start({})
+    base = moved.gaps(model)
+    for name, x in value.items():
+        h = moved.TRIAL * (abs(x) or 1.0)
+        try:
+            pair = moved.parted(base, *(moved.gaps(start({name: x + way})[0]) for way in (h, -h)))
+        except CaromError:
+            continue  # no shot has such a value, as a friction below 0: the runs say so
+        if pair is not None:
+            a, b = (bodies[i] for i in pair)
+            raise CaromError(
+                f"sensitivity: no derivative by {quoted(name)}: {a} and {b} touch at the start, and it moves them apart or"
+                " into one another; leave a gap between them, or let a function build the scene that keeps them in touch"
+            )
 
 
 def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict[str, F64], float]:
     """The derivatives by one input, with the step of the least error."""
     best: tuple[dict[str, F64], float] | None = None
-    why = "other events follow: a hit grazes, or two happen at one time"
+    why = OTHER
     for share in STEPS:
         h = share * (abs(value) or 1.0)
         at = value + h * np.array(PLACES)
@@ -167,6 +207,7 @@ def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict
             why = f"a run fails: {batch.message[~batch.ok][0]}"
             continue
         if any(row != events for row in _events(batch)):
+            why = OTHER
             continue
         found, off = {}, 0.0
         for quantity in QUANTITIES:
