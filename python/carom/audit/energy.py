@@ -352,14 +352,15 @@ def rises(run: Run, tally: Tally) -> None:
     Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding; in steps with islands of more
     than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat or move, the
     position correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
-    `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10);
-    of the force on a free wall that times the way of the wall. Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a free wall, times
-    all impulses that loads and motion can give, for it moves bodies by the mean of velocities. Penalty: what its integration
-    swings by, `(pi/resolution)^2/4`. Works of moving walls are exact for constant velocities, else off by the share by which
-    these change in the step; those of springs, drag and joints by the change of power within it, which the second difference
-    of the kinetic energy shows, and by those of the steps before as long as the filter remembers them (`loads.remembered`);
-    in an impact, after which the kinetic energy may be what it was, by `_grip` of it in a step. What sticks turns in a step
-    in which it is pulled along one line: by the third order of that.
+    `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10),
+    less for a clump of one ball that rolls (`turning.rolled`); of the force on a free wall that times the way of the wall.
+    Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a free wall, times all impulses that loads and motion can give, for it moves
+    bodies by the mean of velocities. Penalty: what its integration swings by, `(pi/resolution)^2/4`. Works of moving walls
+    are exact for constant velocities, else off by the share by which these change in the step; those of springs, drag and
+    joints by the change of power within it, which the second difference of the kinetic energy shows, and by those of the
+    steps before as long as the filter remembers them (`loads.remembered`); in an impact, after which the kinetic energy may
+    be what it was, by `_grip` of it in a step. What sticks turns in a step in which it is pulled along one line: by the
+    third order of that.
     """
     s, o = run.steps, run.options
     h = run.h
@@ -379,7 +380,9 @@ def rises(run: Run, tally: Tally) -> None:
     bound = bound + np.where(large, RISE_PILE * (h / 1e-3) ** 2 * top, 0.0)
     round_walls = any(not wall.flat or wall.moves for wall in run.walls)
     if run.bodies > 1 or round_walls:
-        bound = bound + np.where(s["contacts"] > 0, h * g * np.sqrt(2.0 * motion * run.whole_mass), 0.0)
+        bound = bound + turning.lifted(run, motion)
+    elif run.clumps:
+        bound = bound + turning.rolled(run, motion)
     walls = zip(run.free_walls, run.areas, strict=True)
     pressed = [area[1:] * np.abs(law(wall.force, s["time"])[0]) for wall, area in walls]
     for force, wall in zip(pressed, run.free_walls, strict=True):

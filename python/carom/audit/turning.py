@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.audit import answers, clump_loads, flights, forces, loads_once, recorded, rigid
-from carom.audit.block import Block, once
+from carom.audit import answers, clump_loads, flights, forces, hits, loads_once, recorded, rigid
+from carom.audit.block import Block, blocks, once
 from carom.audit.data import Run
 from carom.audit.vectors import EPS, conjugate, cross, dot, norm, product, rotated, rotation_vector
 
@@ -197,3 +197,56 @@ def risen(run: Run, motion: F64) -> F64:
     at = run.step[whole]
     found[at] = np.maximum(exact[at], 0.0) + 64.0 * EPS * motion[at]
     return found
+
+
+def lifted(run: Run, motion: F64) -> F64:
+    """(S,) what the position correction may lift bodies by, J: by at most the way of a step, against gravity; `motion` (S,)
+    is the kinetic energy.
+    """
+    way = run.h * np.sqrt(2.0 * motion * run.whole_mass)
+    return np.where(run.steps["contacts"] > 0, float(norm(run.gravity)) * way, 0.0)
+
+
+def rolled(run: Run, motion: F64) -> F64:
+    """(S,) the same for a clump of one ball, which stays on flat walls that rest, by the impulses that loads gave, J.
+
+    Its ball goes round the centre of mass at the distance `e`, so that the contact moves by `u = w x c`, `|c| = e`, beside
+    the centre. Loads leave `u n = 0` at both ends of the step, and act half-way, where `u_0 + u_1` is off by
+
+        u_m = (h/2) (w_0 - w_1) x c' + (h^2/4) w x c''          |c'| <= e w,  |c''| <= e (w' + w^2)
+
+    So an impulse `P` works `P u_m/2`, at most `P h^2 e w (3 w' + w^2)/8`. The way of the contact is a mean of both ends,
+    too, off by `h^3/12` of the second derivative of `u`, at most `e (w^3 + 5 w w')`. The position correction takes it back
+    against the weight. With `h M g` for `P` that is at most twice the former, taken for both. Here `w' h` is at most
+    what `P` and the moments turn, and Euler's equations. Gaps are known to `gap_tolerance`, and contacts may close with the
+    closing tolerance.
+
+    Where a contact begins to push, and in the step after an impact, which leaves it opening, `u n` is not 0 at the start.
+    Then the correction may lift as it lifts what falls (`lifted`).
+    """
+    s, clumps, h = run.steps, run.clumps, run.h
+    loose = lifted(run, motion)
+    if not (run.loads_once and run.has_contacts and run.has_impacts):
+        return loose
+    push, moment = np.zeros((2, len(motion)))
+    begins = np.zeros(len(motion), dtype=bool)
+    for block in blocks(run):
+        c, steps = block.rows, np.repeat(np.arange(block.count), block.n)
+        sums = (np.bincount(c.k, norm(of), minlength=block.count) for of in (c.impulse, c.moment))
+        mine = slice(int(block.s0[0]), int(block.s1[-1]))
+        push[mine], moment[mine] = (of[steps] for of in sums)
+        r = hits.of_block(block)
+        begins[r.step[r.problem > 0] - 1] = True
+    begins[1:] |= begins[:-1].copy()
+    many = s["contacts"]
+    begins |= (many > np.append(0, many[:-1])) | (np.append(0.0, push[:-1]) == 0.0)
+    reach, arm, mass = float(clumps.reach[0]), float(clumps.arm[0]), float(clumps.mass[0])
+    least, most = float(clumps.least[0]), float(clumps.most[0])
+    spin = np.sqrt(2.0 * motion / least)
+    change = (reach * push + moment) / least + h * (most / least - 1.0) * spin**2
+    weight = mass * float(norm(run.gravity))
+    closing = run.claimed["closing_tolerance_speed"] * (np.sqrt(2.0 * motion / mass) + reach * spin)
+    closing = closing + run.load_share(many) * push * (1.0 / mass + reach**2 / least)
+    gaps = weight * run.loosest["gap_tolerance"] * run.radius[clumps.first[0]] * many
+    rolls = (push + h * weight) * h * arm * spin * (0.75 * change + 0.25 * h * spin**2)
+    return np.where(begins, loose, np.minimum(loose, rolls + push * closing + gaps))
