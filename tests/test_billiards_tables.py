@@ -318,6 +318,17 @@ def test_a_table_suggests_the_exact_method_where_no_step_is_given() -> None:
     assert t.scene(until=1.0, method="penalty").run.step != t.scene(until=1.0).run.step
 
 
+@pytest.mark.parametrize(
+    ("until", "every", "apart"), [(10.0, None, 0.01), (20.0, None, 0.02), (20.0, 1, 0.01)]
+)
+def test_frames_are_as_far_apart_as_the_page_says(until: float, every: int | None, apart: float) -> None:
+    """docs/reference/billiards.md"""
+    made = table("9ft").scene(until=until)
+    table("9ft").cue_ball(made)
+    time = np.asarray(carom.simulate(made, every=every).time)
+    np.testing.assert_allclose(np.diff(time), apart, rtol=1e-9)
+
+
 def test_a_scratch_is_called_one() -> None:
     t = table("9ft")
     scene = t.scene(until=1.5, step=1.5, method="events")

@@ -10,7 +10,7 @@ import audit_rods
 import carom
 import numpy as np
 import pytest
-from carom import CaromWarning, audit
+from carom import CaromWarning, audit, billiards
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
@@ -153,3 +153,55 @@ def test_light_balls_below_a_heavy_one_are_solved_to_rounding(ratio: float, tole
     summary = carom.simulate(scene, step=1e-3, until=0.2, tolerance=tolerance).summary
     assert summary["fallbacks"] <= 1
     assert summary["halvings"] == summary["unconverged"] == 0
+
+
+def pyramid_hit(step: float, gravity: float, law: str) -> float:
+    """Gain of energy, J, in the step in which a ball of 30 g falls with 2 m/s onto a pyramid of 13 on a floor."""
+    r, scene = 0.01, carom.Scene(gravity=(0, 0, -gravity), run={"step": step, "until": step, "impact": law})
+    for other in ("ball", "floor"):
+        scene.contact("ball", other, friction=0.6, restitution=0.8)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    for layer in range(3):
+        side = 3 - layer
+        for i in range(side):
+            for j in range(side):
+                at = (2 * i - side + 1) * r, (2 * j - side + 1) * r, (1 + math.sqrt(2.0) * layer) * r
+                fall = (0.0, 0.0, -2.0 if side == 1 else 0.0)
+                scene.sphere(
+                    f"{layer}{i}{j}", radius=r, mass=0.03, position=at, velocity=fall, material="ball"
+                )
+    energy = carom.simulate(scene).summary["energy"]
+    return float(energy["final"] - energy["initial"])
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+def test_a_hit_against_gravity_gains_the_way_of_a_step() -> None:
+    """docs/guides/choose.md: up to `m g h v`, where the impact itself loses nothing."""
+    gains = [pyramid_hit(step, 9.81, "one-shot") for step in (2e-4, 1e-4)]
+    assert gains[0] == pytest.approx(8.8e-5, rel=0.01)
+    assert gains[0] / gains[1] == pytest.approx(2.0, rel=0.01)
+    assert gains[0] < 0.03 * 9.81 * 2e-4 * 2.0
+    assert abs(pyramid_hit(2e-4, 0.0, "one-shot")) < 1e-12
+    assert pyramid_hit(2e-4, 9.81, "sequence") < 0.0
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+def test_balls_below_a_nose_that_count_as_missed_rebound() -> None:
+    """docs/guides/diagnostics.md: each such step has an impact of a contact that weight alone would open."""
+    table = billiards.table("7ft")
+    scene = table.scene("a slope", until=0.7, method="nsga", step=1e-4)
+    scene.world.gravity = (0.0, -0.4, -9.79)
+    for i in range(5):
+        table.ball(scene, str(i), at=(1.3 + 2.0 * table.spec.ball_radius * i, table.reach))
+    for i in range(3):
+        at = (1.33 + 0.06 * i, table.reach + 0.2 + 0.01 * i)
+        table.ball(scene, f"x{i}", at=at, mass=0.1 + 0.05 * i)
+    cue = table.cue_ball(scene, at=(0.7, 0.3))
+    billiards.strike(cue, ball_speed=2.0, direction="-5 deg", side=0.3, height=-0.3)
+    result = carom.simulate(scene)
+    steps, hits = result.steps, result.impacts
+    missed = set(steps.step[steps.missed_impacts > 0])
+    apart = hits.where((hits.approach > 0) & (hits.problem > 0))
+    assert len(apart)
+    assert missed <= set(apart.step)
+    assert (apart.separation > apart.approach).all()
