@@ -52,6 +52,11 @@ def test_smooth_walls_may_turn_as_they_like(law: dict[str, Any], wall: str) -> N
         both = np.asarray(getattr(still, name)), np.asarray(getattr(turned, name))
         assert np.abs(both[0] - both[1]).max() < 1e-12
     assert carom.audit.check(turned).ok
+    if law.get("impact") != "sequence-paper" and law.get("position_friction") != "paper":
+        # Nor do they take anything: no work by their turn, no moment about the axis.
+        work = np.asarray(turned.steps.energy_work) - np.asarray(still.steps.energy_work)
+        assert np.abs(work).max() < 1e-12
+        assert np.abs(np.asarray(turned.walls["wall"].angular_impulse)[:, 1]).max() < 1e-14
 
 
 @pytest.mark.filterwarnings("ignore::carom.CaromWarning")
@@ -64,3 +69,22 @@ def test_work_is_moment_times_turn(law: dict[str, Any]) -> None:
     assert work > 0.1
     assert of_moment == pytest.approx(work, rel=1e-12)
     assert carom.audit.check(result).ok
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("law", [{}, {"method": "moreau"}])
+@pytest.mark.parametrize("kind", ["rotation", "surface_rotation"])
+def test_a_rough_cone_turns_balls_about(law: dict[str, Any], kind: str) -> None:
+    """Where they go round its tip their normals turn far in a step, and what loads do is half-way."""
+    made = carom.Scene("cone", gravity=(0, 0, -9.81))
+    made.contact("m", "m", friction=0.3, restitution=0.0)
+    made.cone("wall", material="m", point=(0, 0, 0.05), axis=(0, 0, 1), radius=0.001, radius_end=0.1, length=0.1,
+              motion={kind: {"axis": (0, 0, 1), "point": (0, 0, 0), "rate": -20.0}})  # fmt: skip
+    made.sphere(
+        "b", radius=0.008, density=2500, at=(0.02, 0.01, 0.09), velocity=(0.2, 0.3, 0.0), material="m"
+    )
+    result = carom.simulate(made, step=1e-3, until=0.5, **law)
+    assert len(result.contacts) > 300
+    report = carom.audit.check(result)
+    assert report["energy balance"].violations == report["work"].violations == 0
+    assert report["passivity"].violations == 0

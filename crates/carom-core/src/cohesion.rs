@@ -249,7 +249,7 @@ pub(crate) fn of_driven(
         }
         // Along the normal half-way, and there.
         let then = Contact { n0: c.n1, ..*c };
-        let [_, lever] = walls.levers(model, &then, &state.position, position);
+        let [_, lever] = walls.levers(model, &then, state, position);
         let on_wall = &mut out[model.wall(c.b).given as usize];
         on_wall[0] -= *impulse;
         on_wall[1] -= lever.arm.cross(*impulse);

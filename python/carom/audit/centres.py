@@ -27,10 +27,21 @@ def at_walls(block: Block, k: I64, a: I64, b: I64, normal: F64, *, start: bool =
 
 def half_way(block: Block, k: I64, a: I64, b: I64) -> tuple[F64, F64]:
     """(K, 3) centres of balls `a` where loads act, with walls `b` as they are at both ends of the steps, m."""
-    run = block.run
-    back = float(run.options["theta"]) if run.method == "moreau" else 0.5
-    centre, way = block.x1[k, a] - back * (block.x1[k, a] - block.x0[k, a]), _way(block, k, b)
-    return centre - (1.0 - back) * way, centre + back * way
+    passed, way = passed_half_way(block), _way(block, k, b)
+    centre = block.x0[k, a] + ways_half_way(block)[k, a]
+    return centre - passed * way, centre + (1.0 - passed) * way
+
+
+def passed_half_way(block: Block) -> float:
+    """The share of a step that has passed where its loads act."""
+    return 1.0 - float(block.run.options["theta"]) if block.run.method == "moreau" else 0.5
+
+
+def ways_half_way(block: Block) -> F64:
+    """(B, N, 3) ways of the bodies until then, m: of Moreau-Jean as angular momentum asks for."""
+    if block.run.method == "moreau":
+        return passed_half_way(block) * block.run.h * block.v0
+    return 0.5 * (block.x1 - block.x0)
 
 
 def _way(block: Block, k: I64, b: I64) -> F64:

@@ -322,8 +322,8 @@ def _at_start(run: Run) -> tuple[float, float]:
 
 
 def _walls(block: Block) -> F64:
-    """(K,) twice what works by moving walls may differ by, J: those on record are against the wall at the end of the step,
-    its own is by its mean over the step, of loads half-way between the places at both ends.
+    """(K,) twice what works by moving walls may differ by, J: on record they are against the wall at the end of the step,
+    its own is by its mean. Both are where the impulses act, but for Moreau-Jean with another theta than a half.
     """
     run, c = block.run, block.rows
     found = np.zeros(len(c))
@@ -340,7 +340,8 @@ def _walls(block: Block) -> F64:
             ]
             for centres in ((before, after), half_way(block, k, a, b))
         )
-        both = np.maximum(norm(end - first), norm(2.0 * end - start - last))
+        by_loads = 2.0 * end - start - last if run.method == "moreau" else last - start
+        both = np.maximum(norm(end - first), norm(by_loads))
         change = both[0] + both[1] + run.radius[a] * both[2]
         found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
     return np.asarray(found + box_energy.unsure(block))

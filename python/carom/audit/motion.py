@@ -23,6 +23,7 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit import answers, carried, forces, loads_once, recorded, rigid
 from carom.audit.block import Block
+from carom.audit.centres import passed_half_way, ways_half_way
 from carom.audit.cohesion import pulls
 from carom.audit.cones import PARTS
 from carom.audit.forces import Sums
@@ -362,7 +363,11 @@ def _levers(block: Block, w: int, k: I64, a: I64) -> tuple[F64, F64]:
     start, end = place(block.t0, block.x0), place(block.t1, block.x1)
     centre = run.between(block.t1[k], block.x1[k, a], end)
     way = (block.x1[k, a] - block.x0[k, a]) - (end - start)
-    return centre, np.asarray((run.options["theta"] if run.method == "moreau" else 0.5) * way)
+    passed = ways_half_way(block)[k, a] - passed_half_way(block) * (end - start)
+    if w < free:
+        at = run.balls + w
+        passed = ways_half_way(block)[k, a] - ways_half_way(block)[k, at]
+    return centre, way - passed
 
 
 def _pulled_moments(block: Block, summed: F64, size: F64) -> None:

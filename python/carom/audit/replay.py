@@ -283,7 +283,7 @@ class Replay:
         run, r, pairs, lever = self.block.run, self.r.of(rows), self.pairs[1].of(rows), self.lever[rows]
         if run.loads_once:
             middle = [flights.at_half_way(self.block, r.k, r.a, r.b, motion) for motion in ends]
-            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], middle)
+            found = works.along_mean(self.block, r.k, pairs, r.impulse, r.moment, self.first[rows], middle)
         else:
             before, after = (rates(run, pairs, motion, r.normal, lever) for motion in ends)
             found = works.done(self.push[rows], self.slide[rows], r.moment, lever, before, after)
@@ -594,7 +594,7 @@ class Replay:
             ends = [(of[a, :3], of[a, 3:], of[b, :3], of[b, 3:]) for of in (self.loaded, motion)]
             middle = [flights.at_half_way(self.block, r.k, r.a, r.b, of) for of in ends]
             pairs = self.pairs[1].of(rows)
-            found = works.along_mean(run, pairs, r.impulse, r.moment, self.first[rows], middle)
+            found = works.along_mean(self.block, r.k, pairs, r.impulse, r.moment, self.first[rows], middle)
             return np.asarray(found.sum(axis=1))
         first, last = (self._rates(rows, (of[a], of[b])) for of in (self.loaded, motion))
         found = works.done(self.push[rows], self.slide[rows], r.moment, self.lever[rows], first, last)

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.arrays import F64
+from carom.arrays import F64, I64
 from carom.audit import answers, carried, flights, forces, groups, loads_once
 from carom.audit.block import Block, Rows
-from carom.audit.centres import at_walls
-from carom.audit.data import Run
+from carom.audit.centres import at_walls, half_way
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
@@ -37,18 +36,14 @@ def done(push: F64, slide: F64, moment: F64, lever: F64, before: Rates, after: R
     return np.asarray(0.5 * np.stack(twice, axis=1))
 
 
-def along_mean(run: Run, p: Pairs, impulse: F64, moment: F64, first: F64, motions: list[Motion]) -> F64:
-    """(K, 4) the same of loads that were solved once: half-way between the normals `first` and `p.foot`, of walls with the
-    velocity that they have at the latter.
-    """
-    middle, none = unit(first + p.foot), np.zeros_like(impulse)
-    still: Motion = (none, none, none, none)
+def along_mean(
+    block: Block, k: I64, p: Pairs, impulse: F64, moment: F64, first: F64, motions: list[Motion]
+) -> F64:
+    """(K, 4) the same of loads that were solved once: half-way between the normals `first` and `p.foot`."""
+    run, middle = block.run, unit(first + p.foot)
     push, slide = loads_once.parts(impulse, middle)
-    own, at_foot = rates(run, p, still, middle, middle), rates(run, p, still, p.foot, p.foot)
-    wall = at_foot.normal[:, None] * p.foot + at_foot.slip
-    normal, slip = dot(wall, middle) - own.normal, across(wall, middle) - own.slip
-    of = (rates(run, p, motion, middle, middle) for motion in motions)
-    before, after = (Rates(x.normal + normal, x.slip + slip, x.turning) for x in of)
+    there = p._replace(centre=half_way(block, k, p.a, p.b)[1], foot=middle)
+    before, after = (rates(run, there, motion, middle, middle) for motion in motions)
     return done(push, slide, moment, middle, before, after)
 
 
@@ -93,7 +88,7 @@ def judge(block: Block, tally: Tally) -> None:
     if run.loads_once:
         first = loads_once.firsts(block)[rows]
         middle = [flights.at_half_way(block, k, a, b, motion) for motion in (start[0], end)]
-        found = along_mean(run, pairs, impulse, moment, first, middle)
+        found = along_mean(block, k, pairs, impulse, moment, first, middle)
         values.append(np.abs(c.work[rows] - found).max(axis=1))
     else:
         for part, begun in zip(forces.split(impulse, normal, first), start, strict=True):

@@ -14,7 +14,6 @@ use crate::level::speeds::{opening, Speeds};
 use crate::level::{Demand, Task};
 use crate::model::Model;
 use crate::rows::{flat, Rows};
-use crate::wall::WallTwist;
 use crate::workspace::On;
 use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
 use carom_solve::Status;
@@ -71,13 +70,10 @@ impl ImpactScratch {
                 if let Some([old, new]) = twists {
                     old.measures(&rows, dim, &mut measures[0]);
                     new.measures(&rows, dim, &mut measures[1]);
-                    let [shape, material] = [new.at(c.n1); 2];
-                    let of_end = WallTwist {
-                        shape,
-                        material,
-                        ..new
-                    };
-                    of_end.measures(&middle, dim, &mut along_middle);
+                    let centre = [state.position[i], scratch.position[i]];
+                    if let Some(there) = walls.twist_half_way(model, c, centre) {
+                        there.measures(&middle, dim, &mut along_middle);
+                    }
                     self.wall_speeds.add_wall(&old, &new);
                 }
                 self.wall_loads

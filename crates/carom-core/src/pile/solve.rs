@@ -281,11 +281,10 @@ impl Pile {
                 let r = DVec3::from(*r);
                 let end = memory.closed[slot as usize];
                 let m = frame.state(contacts, &end);
-                let mut given = memory.given(&m, r, u, scale(&m));
-                if frame == Frame::Middle {
-                    // The table tells speeds along the normal of the end.
-                    given.speed = memory.given(&end, r, u, 1.0).speed;
-                }
+                let given = match frame {
+                    Frame::End => memory.given(&m, r, u, scale(&m)),
+                    Frame::Middle => memory.loaded(&m, &end, r, u, scale(&m)),
+                };
                 let turned = moments.get(k).map(|&moment| DVec3::from(moment));
                 let moment = turned.unwrap_or_default();
                 memory.tell(slot, problem, moment, &given);
@@ -302,8 +301,13 @@ impl Pile {
             team::map(threads, parts, |mut share| {
                 for (k, &slot) in (share.first..).zip(share.list) {
                     let m = share.item(slot);
-                    let stated = frame.state(contacts, m);
-                    let given = memory.given(&stated, DVec3::from(impulses[k]), u, scale(m));
+                    let r = DVec3::from(impulses[k]);
+                    let given = match frame {
+                        Frame::End => memory.given(m, r, u, scale(m)),
+                        Frame::Middle => {
+                            memory.loaded(&frame.state(contacts, m), m, r, u, scale(m))
+                        }
+                    };
                     m.add(problem, &given, once);
                 }
             });

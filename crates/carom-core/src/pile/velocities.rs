@@ -27,6 +27,8 @@ pub(super) struct Velocities {
     pub known: Vec<[DVec3; 2]>,
     /// Velocities of moving walls at their contacts, at t_n and t_{n+1}: along the normal of the shape, across of the material.
     pub driven: Vec<[DVec3; 2]>,
+    /// The same at t_{n+1} where loads act that are solved once, along the normal there.
+    pub driven_middle: Vec<DVec3>,
     pub chosen: Vec<u32>,
     /// The least closing tolerance of a contact, m/s.
     pub closing: f64,
@@ -153,6 +155,25 @@ impl Velocities {
             work: work(m.normal, r, before, after),
             speed: [before.dot(m.normal), after.dot(m.normal)],
             scale,
+        }
+    }
+
+    /// The same of loads that act half-way; speeds are those along the normal of the end, as the table tells them.
+    pub fn loaded(
+        &self,
+        middle: &ClosedContact,
+        end: &ClosedContact,
+        r: DVec3,
+        u: &[[f64; 6]],
+        scale: f64,
+    ) -> ProblemImpulse {
+        let mut before = self.now(middle);
+        if let Some(wall) = self.driven_middle.get(middle.driven as usize) {
+            before += self.wall(middle, 1) - *wall;
+        }
+        ProblemImpulse {
+            work: work(middle.normal, r, before, before + change(middle, u)),
+            ..self.given(end, r, u, scale)
         }
     }
 

@@ -92,6 +92,7 @@ impl Pile {
         let memory = &mut self.velocity;
         let twists = |c: &Contact| walls.twists(model, c, state, scratch.position[c.a as usize]);
         memory.driven.clear();
+        memory.driven_middle.clear();
         let mut places = Vec::new();
         if walls.any_moves() {
             places.extend(list.iter().map(|&index| {
@@ -101,6 +102,11 @@ impl Pile {
                 };
                 speeds.add_wall(&old, &new);
                 memory.driven.push([old, new].map(|t| t.at(c.n1)));
+                if model.options.loads_once() {
+                    let centre = [&state.position, &*scratch.position].map(|x| x[c.a as usize]);
+                    let there = walls.twist_half_way(model, c, centre).unwrap_or_default();
+                    memory.driven_middle.push(there.at(c.middle_normal()));
+                }
                 memory.driven.len() as u32 - 1
             }));
         }

@@ -281,6 +281,21 @@ impl Walls {
         Some(self.course(model, c.b)?.passing(point, passed))
     }
 
+    /// What moves body B at t_{n+1} as the works of loads take it that are solved once: where they act, half-way between the centres at both ends of the
+    /// step. Where the normal of the end is a round wall that turns would move along theirs.
+    pub fn twist_half_way(
+        &self,
+        model: &Model,
+        c: &Contact,
+        [from, to]: [DVec3; 2],
+    ) -> Option<WallTwist> {
+        if self.periodic.deforms && !c.meets_wall(model) {
+            return self.image_twist(model, c);
+        }
+        let point = 0.5 * (from + to) - model.radius[c.a as usize] * c.middle_normal();
+        Some(self.course(model, c.b)?.passing(point, 0.5)[1])
+    }
+
     /// Velocity at a point of the moving wall `slot` where the shapes were placed last, and at t_{n+1}.
     pub fn twists_of(&self, slot: u32, point: DVec3) -> [WallTwist; 2] {
         let course = &self.courses[slot as usize];
@@ -356,25 +371,34 @@ impl Walls {
         &self,
         model: &Model,
         c: &Contact,
-        from: &[DVec3],
+        state: &State,
         to: &[DVec3],
     ) -> [Lever; 2] {
         let (a, radius) = (c.a as usize, model.radius[c.a as usize]);
         let (start, end) = (self.point_at_start(model, c.b), self.point(model, c.b));
-        let from = from[a] - displacement(from, c.b) - start;
+        let from = state.position[a] - displacement(&state.position, c.b) - start;
         let to = to[a] - displacement(to, c.b) - end;
         let centre = self.periodic.now.nearest(to);
-        // (Of Moreau-Jean by its weight of the new velocities.)
-        let back = match model.options.method {
-            Method::MoreauJean => model.options.theta,
-            _ => 0.5,
+        let (passed, way) = match model.options.method {
+            // As angular momentum asks for: with theta = 1/2 where the normal is.
+            Method::MoreauJean => {
+                let passed = 1.0 - model.options.theta;
+                let velocity = state.velocity[a] - displacement(&state.velocity, c.b);
+                (passed, passed * (self.span.h * velocity - (end - start)))
+            }
+            _ => (0.5, 0.5 * (to - from)),
         };
-        let at = |back: f64, normal: DVec3| Lever {
-            arm: centre - back * (to - from) - radius * normal,
-            point: end - back * (end - start),
-            passed: 1.0 - back,
+        let at_end = Lever {
+            arm: centre - radius * c.n1,
+            point: end,
+            passed: 1.0,
         };
-        [at(0.0, c.n1), at(back, c.middle_normal())]
+        let half_way = Lever {
+            arm: centre - (to - from) + way - radius * c.middle_normal(),
+            point: start + passed * (end - start),
+            passed,
+        };
+        [at_end, half_way]
     }
 
     /// Impulse on every wall and its moment about the wall's place, added to `out`; returns the work of moving walls, J.
@@ -392,7 +416,7 @@ impl Walls {
             .filter(|c| c.meets_wall(model) && c.lambda[0] != 0.0)
         {
             let (on_ball, normal) = c.impulse();
-            let [at_end, half_way] = self.levers(model, c, &state.position, position);
+            let [at_end, half_way] = self.levers(model, c, state, position);
             let then = match model.options.method {
                 Method::MoreauJean => [on_ball.impulse, normal],
                 _ => c.impulse_of_loads(),
