@@ -58,3 +58,43 @@ def test_the_auditor_finds_the_same_in_racks(method: str, tolerance: float, fric
     report = carom.audit.check(result)
     assert report.ok, report
     assert report["impact"].judged > 0
+
+
+def pressed(sideways: float, clump: bool, rolling: float) -> carom.Scene:
+    """A ball behind two others, or behind a clump of two, that hit a cushion on a floor."""
+    r = 0.01
+    scene = carom.Scene("pressed", gravity=(0, 0, -9.8))
+    for other in ("a", "w"):
+        law = {"rolling_radius": rolling, "spinning_radius": rolling if clump else 0.0}
+        scene.contact("a", other, friction=1.5, restitution=0.6, **law)
+    kind = {"material": "a", "density": 2500.0, "velocity": (sideways, -1.0, 0.0)}
+    if clump:
+        scene.clump("k", spheres=[[-r, 0, 0, r], [r, 0, 0, r]], position=(0, r, r), **kind)
+    else:
+        for k, x in enumerate((-r, r)):
+            scene.sphere(f"k{k}", radius=r, at=(x, r, r), **kind)
+    back = {**kind, "velocity": (0.0, -1.0, 0.0)}
+    scene.sphere("back", radius=r, at=(0, r + 3**0.5 * r, r), **back)
+    scene.plane("floor", material="w", point=(0, 0, 0), normal=(0, 0, 1))
+    scene.plane("cushion", material="w", point=(0, 0, 0), normal=(0, 1, 0))
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("clump", "rolling", "speeds"),
+    [
+        (False, 1e-4, [0.3 + d for d in (-1e-3, -1e-4, 0.0, 1e-6, 4e-4, 6e-4, 8e-4)]),
+        (True, 1e-3, [-1e-4, -1e-5, -1e-6, 0.0, 1e-6, 2e-6, 1e-5, 1e-4]),
+    ],
+)
+def test_a_ball_behind_others_rebounds_alike_at_neighbouring_speeds(
+    clump: bool, rolling: float, speeds: list[float]
+) -> None:
+    """From contacts that give way as they would alone on: one solution, which is followed."""
+    results = [
+        carom.simulate(pressed(x, clump, rolling), step=1e-4, until=1e-4, impact="poisson") for x in speeds
+    ]
+    back = [float(result["back"].velocity[-1][1]) for result in results]
+    assert max(back) - min(back) < 1e-3
+    assert min(back) > 0.59
+    assert all(result.summary["fallbacks"] == 0 for result in results)

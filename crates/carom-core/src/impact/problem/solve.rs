@@ -30,8 +30,9 @@ const AT_REST: f64 = 1e-3;
 /// rounding of large islands, and the step takes iterations for nothing.
 const FINER: f64 = 1e-4;
 
-/// Share (1) by which contacts give way where that chooses among solutions. Larger, what it chooses is farther from one; smaller, rounding chooses.
-const SOFTNESS: f64 = 1e-6;
+/// Shares (1) by which contacts give way where that chooses among solutions, each from the last: with the first there is one. A larger last one is
+/// farther from a solution; with a smaller one rounding chooses. Without the first ones grains that roll have several, or none is found.
+const SOFTNESS: [f64; 4] = [1.0, 1e-2, 1e-4, 1e-6];
 /// Residual (1) that is asked for with it at least, a little above rounding.
 const LEAST_TOLERANCE: f64 = 1e-13;
 
@@ -379,14 +380,19 @@ impl ImpactScratch {
         if self.chosen.len() < 2 {
             return None;
         }
-        let (before, accept) = (on.snapshot(), self.accept_unconverged);
-        (self.softness, self.accept_unconverged) = (SOFTNESS, false);
-        let solved = self.solve_built(on, 1, None);
-        (self.softness, self.accept_unconverged) = (0.0, accept);
-        if !solved {
-            on.restore(before);
+        let accept = std::mem::replace(&mut self.accept_unconverged, false);
+        let mut found: Option<Vec<f64>> = None;
+        for softness in SOFTNESS {
+            self.softness = softness;
+            let before = on.snapshot();
+            if self.solve_built(on, 1, found.as_deref()) {
+                found = Some(self.lambda.clone());
+            } else {
+                on.restore(before);
+            }
         }
-        solved.then(|| self.lambda.clone())
+        (self.softness, self.accept_unconverged) = (0.0, accept);
+        found
     }
 
     pub(in crate::impact) fn solve_built(
