@@ -346,8 +346,9 @@ impl Newton {
         let (lambda, u) = x.split_at(on.system.rows());
         on.problem.evaluate(on.system, u, &mut self.at.z);
         let system = &*on.system;
-        for c in system.contacts.iter().filter(|c| !c.bilateral) {
-            for row in c.rows() {
+        if on.options.softness > 0.0 {
+            for row in (system.contacts.iter().filter(|c| !c.bilateral)).flat_map(RowContact::rows)
+            {
                 self.at.z[row] += on.options.softness * system.diag[row] * lambda[row];
             }
         }

@@ -218,7 +218,7 @@ impl LinearStep {
                     for s in 0..MAX_ROWS {
                         out[r][s] += factor * w[k][s];
                     }
-                    if same && !c.bilateral {
+                    if at.softness > 0.0 && same && !c.bilateral {
                         out[r][k] += factor * at.softness * system.diag[c.row as usize + k];
                     }
                 }
