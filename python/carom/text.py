@@ -16,6 +16,8 @@ GAP = "  "
 TIE = "\u00a0"
 #: Balls and walls that are listed by name in tables for notebooks.
 LISTED = 20
+#: Characters of a name in a label of a figure; the page has the same number (viewer/src/dom.ts).
+LONGEST = 32
 
 
 def columns() -> int:
@@ -110,6 +112,14 @@ def page(
         cells = "".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows)
         text += f"<table><thead><tr>{columns}</tr></thead><tbody>{cells}</tbody></table>"
     return text + "</div>"
+
+
+def shortened(name: str, most: int = LONGEST) -> str:
+    """A name of at most `most` characters: what is too much goes from the middle, as names often differ at their ends."""
+    if len(name) <= most:
+        return name
+    end = (most - 1) // 3
+    return f"{name[: most - 1 - end].rstrip()}…{name[len(name) - end :].lstrip()}"
 
 
 def vector(values: Sequence[float]) -> str:

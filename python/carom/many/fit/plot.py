@@ -8,7 +8,7 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.many.fit.points import Points
-from carom.show.plot.style import COLOURS, GREY, Chart, panels, styled, width
+from carom.show.plot.style import COLOURS, GREY, Chart, literal, panels, styled, width
 
 if TYPE_CHECKING:
     from carom.many.fit.result import Fit
@@ -44,7 +44,7 @@ def curves(fit: Fit) -> Chart:
             axis.errorbar(
                 x[order], found[order], shown, fmt=style, color=COLOURS[1], linewidth=0.9, label="fitted"
             )
-            axis.set_ylabel(name)
+            axis.set_ylabel(literal(name))
             rest.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
             rest.plot(x, left, ".", color=COLOURS[0], markersize=3)
             for side in (axis, rest):
@@ -54,7 +54,7 @@ def curves(fit: Fit) -> Chart:
                     side.set_xlim(0.5, len(rows) + 0.5)
         grid[0, 0].legend()
         grid[0, 1].set_title("residual over uncertainty", loc="left")
-        figure.suptitle(fit.calibration.study.title, x=0.01, ha="left", fontsize=9)
+        figure.suptitle(literal(fit.calibration.study.title), x=0.01, ha="left", fontsize=9)
     return Chart(figure, {"target": table["quantity"], **numbers})
 
 
@@ -77,7 +77,7 @@ def path(points: Points) -> Chart:
             axis = axes[1 + k]
             axis.plot(order[points.good], values[points.good, k], ".", color=COLOURS[0], markersize=3)
             axis.plot(order[~points.good], values[~points.good, k], "x", color=COLOURS[1], markersize=4)
-            axis.set_ylabel(name)
+            axis.set_ylabel(literal(name))
             bounds = points.calibration.axes[k]
             axis.set_ylim(*bounds.at(np.array([-0.05, 1.05])))
             if bounds.log:

@@ -12,7 +12,7 @@ from carom.errors import CaromError, did_you_mean
 from carom.many.sweep.study import RESERVED
 from carom.scene.assembly.rotations import upward
 from carom.show.plot.motion import level_axes
-from carom.show.plot.style import COLOURS, GREY, Chart, styled, width
+from carom.show.plot.style import COLOURS, GREY, Chart, literal, named, styled, width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +54,7 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             middle = float(np.median(values)) if len(values) else np.nan
             axis.axvline(middle, color=COLOURS[1], linewidth=1.0)
             axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
-            axis.set_xlabel(sweep.label(name))
+            axis.set_xlabel(_label(sweep, name))
             axis.set_ylabel("cases")
             unit = sweep.label(name).removeprefix(name)
             numbers[f"{name}: from{unit}"] = _filled(edges[:-1], BINS)
@@ -99,9 +99,9 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
                     numbers[f"{column}: explained by {name}"] = _filled(np.array([share]), len(rows))
                     axis.set_title(f"{share:.0%}", loc="right", color=GREY, fontsize=8, pad=2)
                 if j == 0:
-                    axis.set_ylabel(sweep.label(column))
+                    axis.set_ylabel(_label(sweep, column))
                 if i == len(chosen) - 1:
-                    axis.set_xlabel(sweep.label(name))
+                    axis.set_xlabel(_label(sweep, name))
                     axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
         figure.suptitle(
@@ -141,12 +141,12 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
             numbers |= {f"{name} {letters[0]} (m)": x, f"{name} {letters[1]} (m)": y}
             dots = axis.scatter(x, y, c=colour[rows], s=1.5, cmap="viridis", linewidth=0, rasterized=True)
             axis.set_aspect("equal")
-            axis.set_title(name, loc="left")
+            axis.set_title(named(name), loc="left")
         for axis in axes[len(names) :]:
             axis.set_visible(False)
         figure.supxlabel(f"${letters[0]}$ (m)", fontsize=9)
         figure.supylabel(f"${letters[1]}$ (m)", fontsize=9)
-        figure.colorbar(dots, ax=list(axes), label=sweep.label(by), aspect=40, shrink=0.8)
+        figure.colorbar(dots, ax=list(axes), label=_label(sweep, by), aspect=40, shrink=0.8)
         figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
@@ -246,7 +246,13 @@ def _alike(a: F64, b: F64) -> bool:
 
 def _title(sweep: Sweep) -> str:
     failed = int((~sweep.ok).sum())
-    return f"{sweep.study.title}: {int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
+    return literal(
+        f"{sweep.study.title}: {int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
+    )
+
+
+def _label(sweep: Sweep, column: str) -> str:
+    return literal(sweep.label(column))
 
 
 def _finite(sweep: Sweep, name: str) -> F64:

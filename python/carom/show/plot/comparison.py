@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.arrays import Array
-from carom.show.plot.style import COLOURS, DASHES, Chart, fitted, legend, styled, width
+from carom.show.plot.style import (
+    COLOURS,
+    DASHES,
+    Chart,
+    entry,
+    fitted,
+    legend,
+    named,
+    styled,
+    unmarked,
+    width,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,8 +63,8 @@ def _speeds(part: Any, found: Comparison) -> dict[str, Array]:
         at = place - 0.4 + (i + 0.5) * wide
         label, colour = _label(found, run.name), COLOURS[i % len(COLOURS)]
         axes.bar(at, velocity[:, axis], wide, color=colour, label=label)
-    axes.set_xticks(place, found.bodies)
-    axes.set_ylabel(f"v_{'xyz'[axis]} (m/s)")
+    axes.set_xticks(place, [named(name, 16) for name in found.bodies])
+    axes.set_ylabel(f"$v_{'xyz'[axis]}$ (m/s)")
     legend(part, axes, columns=6)
     return numbers
 
@@ -69,7 +80,7 @@ def _impulses(part: Any, found: Comparison) -> dict[str, Array]:
         for pair, points in run.impulses.items():
             k = pairs.index(pair)
             style = {"color": COLOURS[k % len(COLOURS)], "ls": DASHES[k // len(COLOURS) % len(DASHES)]}
-            axes.plot(*points.T, label=pair, lw=1.0, **style)
+            axes.plot(*points.T, label=entry(pair), lw=1.0, **style)
             numbers[f"{run.name} {pair} (impact problems)"], numbers[f"{run.name} {pair} (N s)"] = points.T
         axes.set_title(_label(found, run.name), loc="left")
         axes.margins(x=0)
@@ -83,5 +94,7 @@ def _impulses(part: Any, found: Comparison) -> dict[str, Array]:
     handles = {
         text: line for axes in panels for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    part.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=9)
+    if handles:
+        columns = max(1, min(9, int(11 * width() / (max(map(len, handles)) + 6))))
+        unmarked(part.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=columns))
     return numbers

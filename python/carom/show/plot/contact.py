@@ -3,20 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.arrays import I64, Array, Bool
+from carom.arrays import F64, I64, Array, Bool
 from carom.errors import CaromError, counted
 from carom.measure.contacts import along_and_across, closed
 from carom.result.data import RunData
-from carom.show.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, fitted, panels, styled, width
+from carom.show.plot.style import (
+    COLOURS,
+    GREY,
+    LETTERS_PER_INCH,
+    Chart,
+    fitted,
+    paired,
+    panels,
+    styled,
+    whole_numbers,
+    width,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 #: Pairs with a row of their own.
 MOST_PAIRS = 14
 #: Impulses below this share of the greatest are rounding.
 NOTHING = 1e-12
+#: Width of a digit of the numbers at discs, in, with a share of the gap between them.
+DIGIT = 0.085
 STATUS = ("open", "stick", "slip")
 LOOKS = {"stick": COLOURS[0], "slip": COLOURS[1]}
 
@@ -25,7 +42,7 @@ LOOKS = {"stick": COLOURS[0], "slip": COLOURS[1]}
 class Strip:
     """A pair in one status from one time to another, s."""
 
-    pair: str
+    pair: tuple[str, str]
     begin: float
     end: float
     status: str
@@ -46,25 +63,27 @@ def phases(result: RunData) -> Chart:
         else ""
     )
     with styled():
-        indent = _indent(pairs)
+        labels = [paired(pair) for pair in pairs]
+        indent = _indent(labels)
         figure, (axes,) = panels(1, 0.9 + 0.26 * len(pairs), f"{result.title}{left}", indent)
         for status, colour in LOOKS.items():
             for row, pair in enumerate(pairs):
                 spans = [(s.begin, s.end - s.begin) for s in found if (s.pair, s.status) == (pair, status)]
                 axes.broken_barh(spans, (row - 0.32, 0.64), color=colour, linewidth=0.7)
-            axes.plot([], [], color=colour, linewidth=6, label=status)
-        ticks = [(s.end, pairs.index(s.pair)) for s in found if s.status == "open"]
-        axes.plot(
-            *np.array(ticks).reshape(-1, 2).T, "|", color="black", markersize=7, label="touched in between"
-        )
-        axes.set_yticks(range(len(pairs)), pairs)
+            if any(s.status == status for s in found):
+                axes.plot([], [], color=colour, linewidth=6, label=status)
+        if ticks := [(s.end, pairs.index(s.pair)) for s in found if s.status == "open"]:
+            between = "touched in between"
+            axes.plot(*np.array(ticks).T, "|", color="black", markersize=7, label=between)
+        axes.set_yticks(range(len(pairs)), labels)
         axes.set_ylim(len(pairs) - 0.4, -0.6)
         axes.set_xlim(time[0], time[-1])
         axes.grid(axis="y", visible=False)
         axes.set_xlabel("time (s)")
         figure.legend(loc="outside upper left", ncols=3)
-    columns = {"pair": "pair", "from (s)": "begin", "to (s)": "end", "status": "status"}
-    return Chart(figure, {head: np.array([getattr(s, key) for s in found]) for head, key in columns.items()})
+    columns = {"from (s)": "begin", "to (s)": "end", "status": "status"}
+    numbers = {head: np.array([getattr(s, key) for s in found]) for head, key in columns.items()}
+    return Chart(figure, {"pair": np.array([" - ".join(s.pair) for s in found]), **numbers})
 
 
 def strips(result: RunData) -> tuple[list[Strip], int]:
@@ -88,7 +107,7 @@ def strips(result: RunData) -> tuple[list[Strip], int]:
     first = {k: int(frame[of_row == k].min()) for k in order}
     found = []
     for k in sorted(order, key=lambda k: (first[k], k)):
-        pair = " - ".join(names[i] for i in keys[k])
+        pair = names[keys[k][0]], names[keys[k][1]]
         frames = frame[of_row == k]
         # The table has the status of the last step in which the contact was closed, which may be before the frame.
         states = np.where(_closed(result, keys[k], gap[of_row == k], frames), status[of_row == k], 0)
@@ -111,7 +130,8 @@ def _closed(result: RunData, pair: I64, gap: Array, frames: Array) -> Bool:
 def impacts(result: RunData, step: int | None = None) -> Chart:
     """The impact problems of one step, by default of that with most: for each, the pairs that take part and their impulses.
 
-    The area of a disc is the size of the normal impulse. Problem 0 is that of the loads in a step with an impact.
+    The area of a disc is the size of the normal impulse. Problem 0 is that of the loads in a step with an impact. Where a
+    sequence is too long for numbers, a panel above shows the sum of the impulses of each problem.
     """
     step = busiest_step(result) if step is None else step
     rows = result.impacts.where(np.asarray(result.impacts["step"]) == step)
@@ -124,48 +144,109 @@ def impacts(result: RunData, step: int | None = None) -> Chart:
     strength = {pair: float(along[pairs == pair].sum()) for pair in pairs}
     shown = sorted(strength, key=lambda pair: -strength[pair])[:MOST_PAIRS]
     listed = [pair for pair in dict.fromkeys(pairs) if pair in shown]
-    status = [STATUS[int(k)] for k in np.asarray(rows["status"])]
+    labels = dict(zip(pairs, map(paired, np.asarray(rows["pair"])), strict=True))
+    status = np.array([STATUS[int(k)] for k in np.asarray(rows["status"])])
     time = float(np.asarray(rows["time"])[0])
-    most = float(max(along.max(), 1e-300))
-    with styled():
-        title = f"{result.title}: impacts of step\u00a0{step}, t\u00a0=\u00a0{time:.5g}\u00a0s"
-        figure, (axes,) = panels(1, 1.1 + 0.42 * len(listed), title, _indent(listed))
-        for k, pair in enumerate(pairs):
-            if pair not in listed:
-                continue
-            place = (int(problem[k]), listed.index(pair))
-            colour = LOOKS.get(status[k], GREY)
-            axes.scatter(*place, s=12 + 130 * max(0.0, along[k]) / most, color=colour, linewidth=0, zorder=3)
-            digits = 3 if width() > 5 else 2
-            text = f"{along[k]:.{digits}g}" if along[k] > NOTHING * most else "0"
-            look: dict[str, Any] = {
-                "textcoords": "offset points",
-                "ha": "center",
-                "va": "bottom",
-                "fontsize": 8,
-            }
-            axes.annotate(text, place, xytext=(0, 3 + 5 * np.sqrt(max(0.0, along[k]) / most)), **look)
-        for name, colour in (*LOOKS.items(), ("open", GREY)):
-            if name in status:
-                axes.plot([], [], "o", color=colour, label=name)
-        axes.set_yticks(range(len(listed)), listed)
-        axes.set_ylim(len(listed) - 0.5, -0.8)
-        axes.set_xlim(problem.min() - 0.5, problem.max() + 0.5)
-        axes.set_xticks(np.unique(problem))
-        axes.set_xlabel(
-            fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(listed))
-        )
-        figure.legend(loc="outside upper left", ncols=3)
     numbers: dict[str, Array] = {
         "problem": problem,
         "pair": pairs,
-        "status": np.array(status),
+        "status": status,
         "normal impulse (N s)": along,
         "friction impulse (N s)": across,
         "approach (m/s)": np.asarray(rows["approach"]),
         "separation (m/s)": np.asarray(rows["separation"]),
     }
+    title = f"{result.title}: impacts of step\u00a0{step}, t\u00a0=\u00a0{time:.5g}\u00a0s"
+    names = [labels[pair] for pair in listed]
+    discs = Discs(
+        problem,
+        np.array([listed.index(pair) if pair in shown else -1 for pair in pairs]),
+        np.maximum(0.0, along),
+        status,
+    )
+    with styled():
+        figure = (_numbered if _room(problem, along, names) else _summed)(discs, title, names, len(strength))
     return Chart(figure, numbers)
+
+
+@dataclass(frozen=True)
+class Discs:
+    """The normal impulses of a sequence: problem, row of the figure (-1: none), size (N s) and status of each."""
+
+    problem: I64
+    row: I64
+    size: F64
+    status: Array
+
+    def draw(self, axes: Axes, largest: float) -> None:
+        """Discs whose areas are the impulses, with one of each status that occurs in the legend."""
+        most = float(self.size.max(initial=1e-300))
+        for name in (*LOOKS, "open"):
+            here = (self.status == name) & (self.row >= 0)
+            if not here.any():
+                continue
+            colour = LOOKS.get(name, GREY)
+            area = 12 + largest * self.size[here] / most
+            axes.scatter(self.problem[here], self.row[here], s=area, color=colour, linewidth=0, zorder=3)
+            axes.plot([], [], "o", color=colour, label=name)
+
+
+def _room(problem: I64, along: F64, names: list[str]) -> bool:
+    """Whether there is room for the number of each impulse beside the one of the next problem."""
+    digits = max(len(_number(value)) for value in along)
+    places = int(np.ptp(problem)) + 1
+    return bool(places * max(4, digits) * DIGIT <= width() - _indent(names))
+
+
+def _number(value: float) -> str:
+    return f"{value:.{3 if width() > 5 else 2}g}"
+
+
+def _numbered(discs: Discs, title: str, names: list[str], every: int) -> Figure:
+    """A row for each pair, with the impulses written at their discs."""
+    figure, (axes,) = panels(1, 1.1 + 0.42 * len(names), title, _indent(names))
+    discs.draw(axes, 130)
+    most = float(discs.size.max(initial=1e-300))
+    look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "bottom", "fontsize": 8}
+    for x, row, size in zip(discs.problem, discs.row, discs.size, strict=True):
+        if row >= 0:
+            text = _number(size) if size > NOTHING * most else "0"
+            axes.annotate(text, (int(x), int(row)), xytext=(0, 3 + 5 * np.sqrt(size / most)), **look)
+    _rows(axes, discs, names, 0.8)
+    axes.set_xticks(np.unique(discs.problem))
+    axes.set_xlabel(fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(names)))
+    figure.legend(loc="outside upper left", ncols=3)
+    return figure
+
+
+def _summed(discs: Discs, title: str, names: list[str], every: int) -> Figure:
+    """Of long sequences: above what all pairs have in each problem, below the rows without numbers, until they end."""
+    lower = 0.24 * len(names)
+    figure, (above, axes) = panels(2, 2.8 + lower, title, _indent(names), (1.3, max(0.6, lower)))
+    problems = np.unique(discs.problem)
+    total = np.array([discs.size[discs.problem == k].sum() for k in problems])
+    felt = total > NOTHING * total.max(initial=0.0)
+    above.vlines(problems[felt], total[felt].min(initial=1.0) / 2, total[felt], color=GREY, linewidth=0.8)
+    above.semilogy(problems[felt], total[felt], "o", color="black", markersize=2.5)
+    above.set_xlim(problems[0] - 0.5, problems[-1] + 0.5)
+    above.set_ylabel(f"all {counted(every, 'pair')}\n(N\u00a0s)")
+    discs.draw(axes, 70)
+    _rows(axes, discs, names, 0.6)
+    for axis in (above, axes):
+        whole_numbers(axis.xaxis, 12 if width() > 5 else 6)
+    of = "the pairs" if every == len(names) else f"the {len(names)} pairs with most"
+    words = f"problem of the sequence; above: sum of the normal impulses; below: discs of {of}, by area"
+    axes.set_xlabel(fitted(f"{words}, largest {discs.size.max():.3g}\u00a0N\u00a0s", _indent(names)))
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    return figure
+
+
+def _rows(axes: Axes, discs: Discs, names: list[str], above: float) -> None:
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -above)
+    listed = discs.problem[discs.row >= 0]
+    axes.set_xlim(listed.min() - 0.5, listed.max() + 0.5)
 
 
 def _indent(names: list[str]) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.arrays import Array
-from carom.show.plot.style import COLOURS, GREY, Chart, legend, panels, styled
+from carom.show.plot.style import COLOURS, GREY, Chart, entry, legend, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,10 +28,10 @@ def convergence(study: Convergence) -> Chart:
             numbers[f"error of {name} (1)"] = errors
             colour, shown = COLOURS[i % len(COLOURS)], errors > 0
             order = study.orders[name]
-            label = f"{name}: no order"
+            label = f"{entry(name)}: no order"
             if order is not None:
                 spread = f" ± {order.uncertainty:.2f}" if order.uncertainty == order.uncertainty else ""
-                label = f"{name}: order {order.value:.2f}{spread}"
+                label = f"{entry(name)}: order {order.value:.2f}{spread}"
                 axes.loglog(h, order.factor * h**order.value, color=colour, linewidth=0.8)
             marker = MARKERS[i % len(MARKERS)]
             axes.loglog(h[shown], errors[shown], marker, color=colour, markersize=4.5, label=label)

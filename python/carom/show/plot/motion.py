@@ -10,7 +10,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Array
 from carom.scene.assembly.rotations import upward
-from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, legend, panels, styled
+from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, entry, legend, named, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ def heights(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     floor = _floor(result, up)
     level = np.zeros(len(result.time)) if floor is None else result.walls[floor].position @ up
     radius = np.zeros(1) if floor is None else np.asarray(result.bodies["radius"])[columns]
-    label = "height of the centre" if floor is None else f"height above {floor}"
+    label = "height of the centre" if floor is None else f"height above {named(floor)}"
 
     def height(position: F64, rows: I64) -> F64:
         return np.asarray(position @ up - level[rows, np.newaxis] - radius)[:, :, np.newaxis]
@@ -112,7 +112,7 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
         axes.set_ylim(-1, 1)
     if len(names) <= MOST_LINES:
         for i, name in enumerate(names):
-            axes.plot(time, values[:, i], color=COLOURS[i], linestyle=DASHES[i % 2], label=name)
+            axes.plot(time, values[:, i], color=COLOURS[i], linestyle=DASHES[i % 2], label=entry(name))
         return {name: values[:, i] for i, name in enumerate(names)}
     least, low, middle, high, most = values.T
     axes.fill_between(

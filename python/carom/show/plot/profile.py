@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.arrays import F64
-from carom.show.plot.style import COLOURS, GREY, Chart, legend, panels, styled
+from carom.show.plot.style import COLOURS, GREY, Chart, entry, legend, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,12 @@ def _chart(
             if len(at) and at[0] == start:
                 x, y = x[1:], y[1:]
             axes.plot(
-                x, y, drawstyle="steps-post", color=COLOURS[k % len(COLOURS)], linestyle=style, label=name
+                x,
+                y,
+                drawstyle="steps-post",
+                color=COLOURS[k % len(COLOURS)],
+                linestyle=style,
+                label=entry(name),
             )
         _scales(axes, start, end, profile.problems)
         axes.set_xlabel(label)

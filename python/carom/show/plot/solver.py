@@ -8,11 +8,9 @@ import numpy as np
 
 from carom.arrays import F64, Array
 from carom.errors import CaromError, counted
-from carom.show.plot.style import COLOURS, GREY, Chart, fitted, legend, panels, styled
+from carom.show.plot.style import COLOURS, GREY, Chart, fitted, legend, panels, styled, whole_numbers
 
 if TYPE_CHECKING:
-    from matplotlib.axis import Axis
-
     from carom.result.data import RunData
 
 
@@ -50,17 +48,18 @@ def iterations(result: RunData) -> Chart:
     }
     numbers: dict[str, Array] = {"step": np.asarray(result.steps["step"]), "time (s)": time}
     with styled():
-        figure, axes = panels(3, 4.2, result.title)
+        figure, axes = panels(3, 4.6, result.title, 2.2)
         for axis, (label, column), colour in zip(axes, rows.items(), COLOURS, strict=False):
             values = np.asarray(result.steps[column])
             axis.plot(time, values, color=colour, drawstyle="steps-mid", linewidth=0.9)
-            _whole_numbers(axis.yaxis, 4)
+            whole_numbers(axis.yaxis, 4)
             axis.set_ylim(0, max(1.0, float(np.max(values, initial=0))) * 1.08)
             axis.margins(x=0.01)
             axis.set_ylabel(label)
             if len(values):
+                # Beside the title: within the panel curves would run through it.
                 said = f"most {values.max()}, mean {values.mean():.2f}"
-                axis.text(0.995, 0.93, said, transform=axis.transAxes, ha="right", va="top", color="#444444")
+                axis.set_title(said, loc="right", color="#444444", fontsize=8, pad=3)
             numbers[column] = values
         axes[-1].set_xlabel("time (s)")
         figure.align_ylabels(axes)
@@ -112,7 +111,7 @@ def residuals(result: RunData, step: int | None = None) -> Chart:
                 start + np.arange(len(values)), values, color="black", linestyle=(0, (2, 2)), linewidth=1, zorder=5,
                 label="quadratic: $r_{k+1} = C\\,r_k^2$",
             )  # fmt: skip
-        _whole_numbers(axes.xaxis, 12)
+        whole_numbers(axes.xaxis, 12)
         axes.set_xlabel("Newton iteration")
         axes.set_ylabel("norm of the residual")
         axes.legend(loc="best", ncols=1)
@@ -166,9 +165,3 @@ def _level(number: int) -> str:
 def _step_size(result: RunData) -> float:
     time, step = result.steps["time"], result.steps["step"]
     return float(time[0]) / float(step[0]) if len(time) else 0.0
-
-
-def _whole_numbers(axis: Axis, at_most: int) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    axis.set_major_locator(MaxNLocator(nbins=at_most, integer=True))

@@ -16,14 +16,19 @@ import numpy as np
 from carom.arrays import Array
 from carom.errors import CaromError, did_you_mean
 from carom.files import csv_bytes, write_whole
+from carom.text import LONGEST, shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
 #: The colours of Okabe and Ito, those that are dark enough on white first.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 GREY = "#888888"
+#: Without width, before names that matplotlib would leave out of legends.
+SEEN = "\u200b"
 #: Every other line is dashed: mirror images coincide, and both shall be seen.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)))
 
@@ -84,10 +89,34 @@ def width() -> float:
     return WIDTHS[_width.get()]
 
 
+def literal(text: str) -> str:
+    """Text of a user as matplotlib has to get it: a dollar begins no formula. Every name and title goes through here."""
+    return text.replace("$", "\\$")
+
+
+def named(name: str, most: int = LONGEST) -> str:
+    """The name of a ball, a wall or a pair of them as a label, shortened if it is very long."""
+    return literal(shortened(name, most))
+
+
+def entry(name: str) -> str:
+    """The same as an entry of a legend, with a mark that `unmarked` takes away: matplotlib hides what begins with _."""
+    shown = named(name)
+    return f"{SEEN}{shown}" if shown.startswith("_") else shown
+
+
+def paired(names: Sequence[str]) -> str:
+    """Two names as the label of a row."""
+    return " - ".join(named(name, LONGEST // 2 + 2) for name in names)
+
+
 def fitted(text: str, indent: float = 0.6) -> str:
-    """Text broken into lines that the figure is wide enough for, less `indent` in; not at no-break spaces."""
+    """Text broken into lines that the figure is wide enough for, less `indent` in; not at no-break spaces.
+
+    What is like a formula in it stays as it is written.
+    """
     lines = textwrap.fill(text, max(16, int(LETTERS_PER_INCH * (width() - indent))))
-    return lines.replace("\u00a0", " ")
+    return literal(lines.replace("\u00a0", " "))
 
 
 @contextmanager
@@ -99,12 +128,16 @@ def styled() -> Iterator[None]:
         yield
 
 
-def panels(count: int, height: float, title: str, indent: float = 0.6) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` panels above each other that share the horizontal axis; `indent`: room at the left, in."""
+def panels(
+    count: int, height: float, title: str, indent: float = 0.6, ratios: Sequence[float] | None = None
+) -> tuple[Figure, list[Axes]]:
+    """A figure of `count` panels above each other that share the horizontal axis; `indent`: room that the title lacks, in.
+    With `ratios` of their heights they share nothing.
+    """
     from carom.show.plot.figure import Drawing
 
     figure = Drawing(figsize=(width(), height), layout="constrained")
-    axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    axes = figure.subplots(count, 1, sharex=ratios is None, squeeze=False, height_ratios=ratios)[:, 0]
     if title:
         axes[0].set_title(fitted(title, indent), loc="left")
     return figure, list(axes)
@@ -113,10 +146,26 @@ def panels(count: int, height: float, title: str, indent: float = 0.6) -> tuple[
 def legend(figure: Figure, axes: Axes, columns: int = 8) -> None:
     """One legend for all panels, above them."""
     handles, labels = axes.get_legend_handles_labels()
+    if not labels:
+        return
     # As many beside each other as there is room for.
     longest = max(map(len, labels), default=1)
-    columns = max(1, min(columns, int(11 * width() / (longest + 6))))
-    figure.legend(handles, labels, loc="outside upper left", ncols=min(columns, len(labels)))
+    columns = max(1, min(columns, int(11 * width() / (longest + 6)), len(labels)))
+    shown = figure.legend(handles, labels, loc="outside upper left", ncols=columns)
+    unmarked(shown)
+
+
+def unmarked(legend: Legend) -> None:
+    """Take the marks of `entry` away from a legend that has taken its entries."""
+    for text in legend.get_texts():
+        text.set_text(text.get_text().removeprefix(SEEN))
+
+
+def whole_numbers(axis: Axis, at_most: int) -> None:
+    """So many ticks at most, at whole numbers."""
+    from matplotlib.ticker import MaxNLocator
+
+    axis.set_major_locator(MaxNLocator(nbins=at_most, integer=True))
 
 
 def save(chart: Chart, directory: Path, name: str, formats: Sequence[str]) -> list[Path]:

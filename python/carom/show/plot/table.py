@@ -9,13 +9,13 @@ import numpy as np
 
 from carom.arrays import F64, Array
 from carom.errors import CaromError
-from carom.scene.assembly.rotations import upward
+from carom.scene.assembly.rotations import rotated, upward
 from carom.scene.billiards.look import BallLook, ball_looks
 from carom.scene.billiards.marked import table_of
 from carom.scene.billiards.shape import Shape
 from carom.show.plot.billiards import draw_ball, draw_ghost, draw_path, draw_table
 from carom.show.plot.motion import MOST_LINES, blocks, level_axes, selection, shown_frames
-from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, fitted, legend, styled, width
+from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, entry, fitted, legend, styled, width
 from carom.show.surfaces import surfaces
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from carom.result.data import RunData
+    from carom.result.walls import Wall
 
 
 #: Height of a figure over its width at most, and at least.
@@ -58,7 +59,9 @@ def trajectories(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
             _on_table(axes, place, radius, [looks[name] for name in names])
         for i, name in enumerate(names if shape is None else ()):
             colour = COLOURS[i] if few else COLOURS[0]
-            look: dict[str, Any] = {"label": name, "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
+            look: dict[str, Any] = (
+                {"label": entry(name), "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
+            )
             axes.plot(*place[:, i].T, color=colour, linewidth=1.0 if few else 0.4, zorder=3, **look)
             _ends(axes, place[:, i], float(radius[i]), colour)
         if few and shape is None:
@@ -184,15 +187,23 @@ def _crowd(result: RunData, names: list[str], columns: Any, axis: tuple[int, int
 
 
 def _walls(result: RunData, across: F64, along: F64) -> list[tuple[F64, F64]]:
-    """Planes without end that stand upright, as lines: a point, and a direction."""
+    """Planes without end that stand upright, as lines: a point at the last frame, and a direction."""
     found = []
-    planes = result.planes
-    for point, normal in zip(planes["point"], planes["normal"], strict=True):
+    for wall in _left(result):
+        if wall.shape != "plane":
+            continue
+        normal = rotated(wall.orientation[-1], np.asarray(wall.facts["normal"]))
+        point = wall.position[-1]
         flat = np.array([normal @ across, normal @ along])
         size = float(np.linalg.norm(flat))
         if size > 0.99:
             found.append((np.array([point @ across, point @ along]), np.array([-flat[1], flat[0]]) / size))
     return found
+
+
+def _left(result: RunData) -> list[Wall]:
+    """The walls that are still there at the last frame."""
+    return [wall for wall in result.walls.values() if bool(wall.present[-1])]
 
 
 def _edges(result: RunData, axis: tuple[int, int], low: F64, high: F64, hidden: set[str]) -> list[F64]:
@@ -201,7 +212,7 @@ def _edges(result: RunData, axis: tuple[int, int], low: F64, high: F64, hidden: 
     """
     walls = [
         wall
-        for wall in result.walls.values()
+        for wall in _left(result)
         if wall.shape != "plane" and (wall.motion.moves or wall.name not in hidden)
     ]
     box = np.zeros((2, 3))

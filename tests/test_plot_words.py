@@ -1,0 +1,103 @@
+"""Figures of runs with names that are hard to set, long impact sequences, and walls that are taken away."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import carom
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
+
+from carom.cli.examples import find
+from carom.show.plot import contact
+from carom.text import LONGEST, shortened
+
+LONG = "a name that nobody would write but that a program may well have made, of ball number 17"
+
+
+def drop(title: str, *names: str) -> carom.Result:
+    scene = carom.Scene(title, gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.5)
+    scene.plane("_floor $\\x$", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    for k, name in enumerate(names):
+        scene.sphere(name, radius=0.01, density=1000, at=(0.05 * k, 0, 0.02), material="m")
+    return carom.simulate(scene)
+
+
+@pytest.fixture(scope="module")
+def broken() -> carom.Result:
+    scene = carom.Scene.from_toml(find("5.6_break"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return carom.simulate(scene, until=0.2)
+
+
+def test_dollars_in_names_and_titles_are_no_formulas(tmp_path: Path) -> None:
+    """matplotlib read `$\\oops$` as one, and `carom plot` ended with its traceback."""
+    result = drop("from 5 $ to $\\oops$, and $x_1$", "a $\\foo{$ b", "$", "$\\mu$")
+    assert result.plot.save(tmp_path, formats=["svg"])
+    drawn = (tmp_path / "velocities.svg").read_text()
+    assert all(text in drawn for text in ("$\\oops$, and $x_1$", "a $\\foo{$ b", "$\\mu$"))
+    assert "a $\\foo{$ b - _floor $\\x$" in (tmp_path / "phases.svg").read_text()
+
+
+def test_names_that_begin_with_an_underscore_are_in_the_legend() -> None:
+    """matplotlib leaves them out: a figure of two balls named one."""
+    plot = drop("t", "_a", "b", "_").plot
+    for figure in (plot.velocities(), plot.heights(), plot.trajectories()):
+        [legend] = figure.legends
+        assert [text.get_text() for text in legend.get_texts()] == ["_a", "b", "_"]
+
+
+def test_long_names_are_shortened_in_labels_and_whole_in_the_numbers() -> None:
+    assert shortened("x" * LONGEST) == "x" * LONGEST
+    assert len(shortened(LONG)) <= LONGEST
+    assert shortened(LONG).startswith("a name that")
+    assert shortened(LONG).endswith("number 17")
+    chart = drop("t", LONG).plot.chart("velocities")
+    [legend] = chart.figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [shortened(LONG)]
+    assert f"{LONG} v_x (m/s)" in chart.data
+
+
+def test_of_a_long_sequence_the_sums_of_its_problems_are_drawn(
+    broken: carom.Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 38 and of 236 problems ticks and numbers lay over each other."""
+    few = broken.plot.chart("impacts")
+    assert len(few.figure.axes) == 1
+    assert few.figure.axes[0].texts
+    monkeypatch.setattr(contact, "DIGIT", 10.0)  # no room for any number
+    many = broken.plot.chart("impacts")
+    above, rows = many.figure.axes
+    assert not rows.texts
+    problem, impulse = (few.data[name] for name in ("problem", "normal impulse (N s)"))
+    sums = [impulse[problem == k].sum() for k in np.unique(problem)]
+    [dots] = above.lines
+    assert np.asarray(dots.get_ydata()) == pytest.approx([s for s in sums if s > 0])
+    for figure in (few.figure, many.figure):
+        [legend] = figure.legends
+        assert {text.get_text() for text in legend.get_texts()} == set(few.data["status"])
+
+
+def test_iterations_are_summed_up_beside_the_curves(broken: carom.Result) -> None:
+    for axes in broken.plot.iterations().axes:
+        assert not axes.texts
+        assert axes.get_title(loc="right").startswith("most ")
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")  # a wall that stays until the end
+@pytest.mark.parametrize(("until", "drawn"), [(0.05, 0), (0.5, 1)])
+def test_walls_that_were_taken_away_are_not_drawn(until: float, drawn: int) -> None:
+    scene = carom.Scene("t", gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.5)
+    cone = {"axis": (0, 0, 1), "radius": 0.03, "radius_end": 0.1, "length": 0.1, "motion": {"until": until}}
+    scene.cone("gone", material="m", point=(0, 0, 0.1), **cone)
+    scene.plane("upright", material="m", point=(0.15, 0, 0), normal=(-1, 0, 0), motion={"until": until})
+    scene.sphere("b", radius=0.02, density=1000, at=(0, 0, 0.5), velocity=(1, 0, 0), material="m")
+    [axes] = carom.simulate(scene).plot.trajectories().axes
+    assert len(axes.collections) == drawn
+    assert len([line for line in axes.lines if line.get_linewidth() > 1.5]) == drawn
