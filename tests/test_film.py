@@ -406,3 +406,45 @@ class TestFiles:
         copy.close()
         with RunDir.create(tmp_path / "copy", force=True).writing():
             assert not list((tmp_path / "copy").rglob("*.png"))
+
+
+def test_joints_are_drawn_as_what_they_leave_or_hold() -> None:
+    """All were rods from end to end, also where a rail begins far from its ball."""
+    from carom.show.film.guides import segments
+
+    begin, end, down = np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
+
+    def lines(kind: str, *axes: tuple[float, float, float]) -> Any:
+        return segments({"kind": kind, "a": 0, "b": -1, "axes": axes}, begin, end, 0.1, down)
+
+    for kind in ("rod", "spring"):
+        assert lines(kind).tolist() == [[begin.tolist(), end.tolist()]]
+    assert len(lines("ball")) == 0
+    for kind in ("line", "motion"):
+        [rail] = lines(kind, (0, 1, 0))
+        assert rail.mean(axis=0) == pytest.approx(end)
+        assert rail[1] - rail[0] == pytest.approx((0, 0.64, 0))
+    cross = lines("lock", (1, 0, 0), (0, 0, 1))
+    assert len(cross) == 2
+    assert cross.mean(axis=1) == pytest.approx(np.array([begin, begin]))
+    frame = lines("plane", (0, 0, 1))
+    assert frame[:, 1] == pytest.approx(np.roll(frame[:, 0], -1, axis=0))  # closed
+    assert frame[:, 0].mean(axis=0) == pytest.approx(end)
+    assert frame[..., 2] == pytest.approx(1.0)
+    assert lines("fix")[:, 0] == pytest.approx(np.tile(end, (3, 1)))
+
+
+@pytest.mark.usefixtures("drawing")
+def test_shadows_that_overlap_lie_one_above_the_other() -> None:
+    """In one plane each showed in stripes through the others."""
+    from carom.show.film.balls import Shadows
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    floor = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    up = np.array([0.0, 0.0, 1.0])
+    shadows = Shadows(floor, up, up)
+    shadows.place(np.tile([0.0, 0.0, 0.1], (5, 1)), np.full(5, 0.1))
+    height = vtk_to_numpy(shadows._data.GetPoints().GetData()).reshape(5, 4, 3)[..., 2]
+    assert np.ptp(height, axis=1).max() == 0.0
+    assert (np.diff(height[:, 0]) > 1e-6).all()
+    assert height.max() < 0.01

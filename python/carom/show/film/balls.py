@@ -164,6 +164,10 @@ class Shadows:
     #: Height at which a shadow is gone, in radii, and what a ball that lies takes from the light.
     TALL = 5.0
     DARK = 0.5
+    #: Heights of overlapping shadows differ by this much of the scene, some rounding steps of the depth; they repeat after
+    #: so many shadows, so that none floats above the floor.
+    APART = 5e-6
+    LAYERS = 256
 
     def __init__(self, polygon: F64, normal: F64, lamp: F64) -> None:
         self._data = mesh(np.zeros((0, 3)))
@@ -186,8 +190,11 @@ class Shadows:
             seen &= (foot - corner) @ inward > 0
         foot, radius, over = foot[seen], radius[seen], over[seen]
         v = np.cross(self._normal, self._u)
-        # Just above the floor, all in one plane, so that none hides another.
-        foot = foot + 0.004 * float(np.median(radius, keepdims=False) if len(radius) else 0.0) * self._normal
+        # Just above the floor, each a little above those that are drawn before: in one plane rounding of depths decides
+        # which of two is seen, from pixel to pixel.
+        above = 0.004 * float(np.median(radius) if len(radius) else 0.0)
+        above = above + self.APART * (np.arange(len(radius)) % self.LAYERS)
+        foot = foot + above[:, None] * self._normal
         reach = (1.25 + 0.25 * np.maximum(over, 0.0)) * radius
         spots = CORNERS[:, :1] * self._u + CORNERS[:, 1:] * v
         _squares(self._data, foot[:, None] + reach[:, None, None] * spots)

@@ -20,6 +20,7 @@ from carom.scene.billiards.marked import table_of
 from carom.scene.billiards.shape import BED, Shape
 from carom.show.film import camera
 from carom.show.film.balls import GRAIN, PLAIN, Balls, Shadows
+from carom.show.film.guides import segments
 from carom.show.film.look import Look
 from carom.show.film.mesh import Colour, actor, colour, mesh, place
 from carom.show.film.playback import Moment, Playback
@@ -318,17 +319,20 @@ class Stage:
         return found
 
     def _tie(self, moment: Moment) -> None:
-        """Joints and springs as lines from end to end."""
+        """Joints and springs as lines."""
         row = {int(body): k for k, body in enumerate(moment.body)}
-        ends = []
+        found = []
         for link in self._links:
             pair = [
                 self._end(link["a"], link["from"], moment, row),
                 self._end(link["b"], link["to"], moment, row),
             ]
             if pair[0] is not None and pair[1] is not None:
-                ends += pair
-        fresh = mesh(self._scaled(np.array(ends).reshape(-1, 3)), lines=np.arange(len(ends)).reshape(-1, 2))
+                balls = [body for body in (link["a"], link["b"]) if body >= 0]
+                radius = float(self._playback.radius[balls].min())
+                found.append(segments(link, pair[0], pair[1], radius, -self._up))
+        ends = np.concatenate([np.zeros((0, 2, 3)), *found]).reshape(-1, 3)
+        fresh = mesh(self._scaled(ends), lines=np.arange(len(ends)).reshape(-1, 2))
         self._rods.ShallowCopy(fresh)
 
     @staticmethod
