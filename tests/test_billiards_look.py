@@ -236,6 +236,14 @@ def test_balls_have_the_colours_of_their_game() -> None:
     assert looks(["red", "b4"], None) == [("solid", POOL[0], "1"), ("solid", POOL[3], "4")]
 
 
+def test_no_two_balls_have_one_number() -> None:
+    """Of eight joints' balls `b1` had the colour and the number of the first, and `b2` those of the second."""
+    names = ["line", "plane", "lock", "mot", "spin", "b1", "b2", "fix"]
+    assert [label for _, _, label in looks(names, None)] == ["3", "4", "5", "6", "7", "1", "2", "8"]
+    assert {colour for _, colour, _ in looks(names, None)} == set(POOL)
+    assert [label for _, _, label in looks(["a2", "b2", "c2", "d"], None)] == ["2", "1", "3", "4"]
+
+
 # --- pages -----------------------------------------------------------------------------------------------------------
 
 

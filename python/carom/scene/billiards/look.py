@@ -6,6 +6,7 @@ import colorsys
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -58,8 +59,10 @@ def ball_looks(result: Any, table: Table | None) -> list[BallLook]:
     cue = _cue_ball(result, names)
     others = [n for n in range(len(names)) if n != cue]
     looks = {n: _plain(names[n], k, table.spec.name) if table else None for k, n in enumerate(others)}
+    numbers = iter(_numbers([names[n] for n in others if looks[n] is None]))
     return [
-        BallLook("cue", IVORY) if n == cue else looks[n] or _numbered(names[n], n) for n in range(len(names))
+        BallLook("cue", IVORY) if n == cue else looks[n] or _numbered(next(numbers))
+        for n in range(len(names))
     ]
 
 
@@ -73,9 +76,18 @@ def _plain(name: str, place: int, game: str) -> BallLook | None:
     return None
 
 
-def _numbered(name: str, place: int) -> BallLook:
-    found = re.search(r"(\d{1,3})\D*$", name)
-    number = int(found[1]) if found else place + 1
+def _numbers(names: Sequence[str]) -> list[int]:
+    """A number for each ball, none twice: that in its name for the first that has it, the least that is free for others."""
+    found: list[int | None] = []
+    for name in names:
+        match = re.search(r"(\d{1,3})\D*$", name)
+        number = int(match[1]) if match else None
+        found.append(None if number in found else number)
+    free = (number for number in count(1) if number not in found)
+    return [next(free) if number is None else number for number in found]
+
+
+def _numbered(number: int) -> BallLook:
     if 1 <= number <= 8:
         return BallLook("solid", POOL[number - 1], str(number))
     if 9 <= number <= 15:
