@@ -140,3 +140,24 @@ def test_who_does_not_know_the_address_gets_no_answer(
         assert [socket(path) for path in ("", "/", "/x", f"/?{token}")] == [403] * 4
         for origin in ("http://evil.example", f"http://{HOST}:1", "null", f"https://{host}.evil.example"):
             assert socket(f"/{token}", Origin=origin) == 403
+
+
+def test_a_title_is_text_and_no_markup(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Markdown, an `onerror` in it ran in the page, and `{x}` or `<5 mm` left it empty."""
+    viser = pytest.importorskip("viser", reason="needs viser (extra live)")
+    from carom.show.viewer.live import Live
+
+    shown: list[str] = []
+    add = viser.GuiApi.add_html
+
+    def record(gui: Any, content: str, **options: Any) -> Any:
+        shown.append(content)
+        return add(gui, content, **options)
+
+    monkeypatch.setattr(viser.GuiApi, "add_html", record)
+    scene = carom.Scene("<5 mm {x} <img src=x onerror=\"alert('x')\"> **a** b_c", run={"until": 0.01})
+    scene.sphere("b", radius=0.01, mass=1.0, material="m", position=(0, 0, 1))
+    carom.simulate(scene, out=tmp_path / "run")
+    with Live(tmp_path / "run", port=0) as live:
+        assert "&lt;5 mm {x} &lt;img src=x onerror=&quot;alert(&#x27;x&#x27;)&quot;&gt; **a** b_c" in shown[0]
+        assert "t = 0 s, frame 1 of" in live._words.content

@@ -11,6 +11,7 @@ import threading
 import warnings
 from collections.abc import Callable
 from contextlib import redirect_stdout
+from html import escape
 from io import StringIO
 from pathlib import Path
 from typing import Any, Self
@@ -182,10 +183,11 @@ class Live:
                 self._walls.append((wall.name, handle))
         self._edges = self._outline()
         self._camera(self._scale * low, self._scale * high, up)
-        gui.add_markdown("**" + self._title.replace("*", "") + "**")
+        # Not as Markdown: in viser's that is a program, and a title of a user could be one.
+        gui.add_html(_paragraph(self._title, "font-weight: bold"))
         for note in self.notes:
-            gui.add_markdown(note)
-        self._words = gui.add_markdown("")
+            gui.add_html(_paragraph(note))
+        self._words = gui.add_html("")
         self._slider = gui.add_slider("Frame", 0, max(1, self.frames - 1), 1, 0)
         self._play = gui.add_checkbox("Play", False)
         self._follow = gui.add_checkbox("Newest", result.is_being_written, hint="stay with the newest frame")
@@ -255,7 +257,7 @@ class Live:
                     handle.wxyz = wall.orientation[frame]
                     handle.visible = bool(wall.present[frame])
             state = "running" if result.is_being_written else result.outcome.brief
-            self._words.content = (
+            self._words.content = _paragraph(
                 f"t = {result.time[frame]:.6g} s, frame {frame + 1} of {self.frames}; {state}"
             )
 
@@ -303,6 +305,13 @@ def _load(path: Path) -> RunData:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that the run is not finished is the point
         return RunData.load(path)
+
+
+def _paragraph(text: str, style: str = "") -> str:
+    """Text as HTML, each character as it is, in the place and size of viser's own."""
+    return (
+        f'<p style="margin: 0.5em; overflow-wrap: anywhere; font-size: 0.875em; {style}">{escape(text)}</p>'
+    )
 
 
 def serve(path: Path, port: int, say: Callable[[str], None]) -> None:
