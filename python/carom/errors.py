@@ -139,6 +139,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "velocity": ("v", "vel"),
     "angular_velocity": ("omega", "w", "spin"),
     "gravity": ("g",),
+    "out": ("save", "output", "directory", "save_to"),
     "normal": ("n",),
 }
 """What other programs, the literature and earlier versions call the keys."""
@@ -159,7 +160,8 @@ def nearest(name: str, known: Sequence[str]) -> str | None:
     for key, others in SYNONYMS.items():
         if key in known and name.lower() in others:
             return key
-    found = get_close_matches(name.lower()[:80], known, n=1, cutoff=0.6)
+    # At 0.6, the default, save is near solver.
+    found = get_close_matches(name.lower()[:80], known, n=1, cutoff=0.65)
     return found[0] if found else None
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import signal
 import warnings
 import weakref
@@ -107,7 +108,9 @@ def simulate(
     so far).
     """
     scene = scene_of(scene, case=case, parameters=parameters)
-    scene = scene.with_options(**options) if options else scene
+    if options:
+        own = [p.name for p in inspect.signature(simulate).parameters.values() if p.kind is p.KEYWORD_ONLY]
+        scene = scene.overridden(options, dict.fromkeys(options, "carom.simulate"), own)
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=3)
     choice = chosen(scene, save_problems, problem_form)

@@ -217,8 +217,12 @@ class Scene(Waller, Attacher, Taker, Deformer):
         """This scene with other keys of `[run]` and `[record]`; spheres and everything else are shared with it."""
         return self.overridden(options, dict.fromkeys(options, "carom.simulate"))
 
-    def overridden(self, options: Mapping[str, Any], places: Mapping[str, str]) -> Scene:
-        """As `with_options`; `places` says what messages call the origin of each key, as `--set step`."""
+    def overridden(
+        self, options: Mapping[str, Any], places: Mapping[str, str], own: Iterable[str] = ()
+    ) -> Scene:
+        """As `with_options`; `places` says what messages call the origin of each key, as `--set step`, and `own` what the
+        caller takes besides.
+        """
         options = dict(options)
         tree = self._tree.model_copy()
         for section in (tree.run, tree.record):
@@ -230,7 +234,7 @@ class Scene(Waller, Attacher, Taker, Deformer):
                 wrong = (_placed(p.key, p.cause, p.cure, places) for p in error.problems)
                 raise ScenarioError(wrong) from None
         if options:
-            known = [*type(tree.run).model_fields, *type(tree.record).model_fields]
+            known = [*type(tree.run).model_fields, *type(tree.record).model_fields, *own]
             raise ScenarioError(
                 _placed(key, "unknown option", wording(key, known), places) for key in options
             )
