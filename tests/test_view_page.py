@@ -90,6 +90,7 @@ def test_page_cannot_ask_for_anything(tmp_path: Path) -> None:
     markup = page.text.replace((ASSETS / "viewer.js").read_text(), "").replace(
         page.element("carom-motion"), ""
     )
+    markup = re.sub(r"'sha256-[^']*'", "", markup)  # letters and slashes at random
     assert not re.search(r"https?:|//[a-z]|@import|url\(", markup)
     assert re.findall(r'(?:src|href)="([^"]*)"', markup) == ["data:,"]
 

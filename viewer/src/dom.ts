@@ -13,11 +13,44 @@ export function create<K extends keyof HTMLElementTagNameMap>(tag: K, name = "",
   return element;
 }
 
-/** Digits that suit the size of the number, with a real minus sign and a fixed width while it changes. */
-export function figure(value: number, digits: number): string {
-  const text = value.toFixed(digits);
-  return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "\u2212");
+const LONGEST = 32; // characters of a name in a label; text.py has the same for figures
+
+/** A name of at most so many characters: what is too much goes from the middle, as names often differ at their ends. */
+export function shortened(name: string, most = LONGEST): string {
+  const letters = Array.from(name);
+  if (letters.length <= most) return name;
+  const end = Math.floor((most - 1) / 3);
+  return `${letters.slice(0, most - 1 - end).join("").trimEnd()}\u2026${letters.slice(-end).join("").trimStart()}`;
 }
+
+const MOST_DIGITS = 5; // after the point of a mantissa
+
+/** Whether numbers up to `large` are written out; others have an exponent. */
+const plain = (large: number): boolean => large === 0 || (large >= 1e-3 && large < 1e5);
+
+/** A number that changes by `step`, among numbers up to `large`, with a real minus sign and a fixed width while it changes. */
+export function figure(value: number, step: number, large = 1): string {
+  if (plain(large)) {
+    const digits = decimals(step);
+    const text = value.toFixed(digits);
+    return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "\u2212");
+  }
+  if (!(Math.abs(value) >= 0.5 * step)) return "0";
+  const digits = Math.floor(Math.log10(Math.abs(value))) - Math.floor(Math.log10(step) + 1e-9);
+  return exponential(value.toExponential(Math.min(Math.max(digits, 0), MOST_DIGITS)));
+}
+
+/** A number by itself, with three significant digits; in columns (`padded`) with the zeros at its end. */
+export function amount(value: number, padded = false): string {
+  if (plain(Math.abs(value))) {
+    const text = value.toPrecision(3);
+    return (padded && !text.includes("e") ? text : String(+text)).replace("-", "\u2212");
+  }
+  const [mantissa, exponent] = value.toExponential(2).split("e");
+  return exponential(`${padded ? mantissa : +mantissa}e${exponent}`);
+}
+
+const exponential = (text: string): string => text.replace("+", "").replace(/-/g, "\u2212");
 
 /** Decimals needed to show `step` as a change. */
 export function decimals(step: number): number {

@@ -1,6 +1,6 @@
 // One graph over time on a 2D canvas: drawn once, then only the cursor moves over it.
 
-import { create, decimals, figure } from "./dom";
+import { create, figure, shortened } from "./dom";
 import { linear } from "./palette";
 
 export interface Series {
@@ -27,7 +27,8 @@ export class Graph {
   private chips: HTMLElement[] = [];
   private unit = "";
   private range: [number, number] = [0, 1];
-  private digits = 3;
+  private step = 1e-3;
+  private large = 1;
   private stale = true;
 
   constructor(
@@ -67,13 +68,15 @@ export class Graph {
     if (high - low < least) [low, high] = [0.5 * (low + high) - least, 0.5 * (low + high) + least];
     const margin = 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
     this.range = [low >= 0 && low < 0.3 * high ? 0 : low - margin, high + margin];
-    this.digits = Math.min(6, decimals((this.range[1] - this.range[0]) / 500));
+    this.large = Math.max(...this.range.map(Math.abs));
+    this.step = Math.max((this.range[1] - this.range[0]) / 500, 1e-6 * this.large);
     this.canvas.setAttribute("aria-label", `${series.map((s) => s.name).join(", ")} in ${unit} over time`);
     this.values = series.map(() => create("b"));
     this.chips = series.map((s) => create("i", s.dashed ? "dash" : ""));
     const entries = series.map((s, i) => {
       const entry = create("span");
-      entry.append(this.chips[i], s.name, " ", this.values[i]);
+      entry.append(this.chips[i], shortened(s.name), " ", this.values[i]);
+      entry.title = s.name;
       return entry;
     });
     this.legend.replaceChildren(head, ...entries);
@@ -106,7 +109,7 @@ export class Graph {
     pen.fillRect(x - 0.75, TOP, 1.5, height - TOP - BOTTOM);
     this.series.forEach((s, i) => {
       const value = at(s, time);
-      this.values[i].textContent = value === undefined ? "" : `${figure(value, this.digits)} ${this.unit}`;
+      this.values[i].textContent = value === undefined ? "" : `${figure(value, this.step, this.large)} ${this.unit}`;
       if (value === undefined) return;
       pen.fillStyle = this.colour(s);
       pen.beginPath();
@@ -217,10 +220,9 @@ function ticks(low: number, high: number, wanted: number): { at: number; text: s
   const step = power * ([1, 2, 5, 10].find((m) => m * power >= rough) ?? 10);
   const first = Math.ceil(low / step - 1e-9);
   const last = Math.floor(high / step + 1e-9);
-  const digits = decimals(step);
+  const large = Math.max(Math.abs(low), Math.abs(high));
   return Array.from({ length: Math.max(0, last - first + 1) }, (_, i) => {
     const value = (first + i) * step;
-    const large = Math.max(Math.abs(low), Math.abs(high));
-    return { at: value, text: large < 1e-3 || large >= 1e5 ? value.toExponential(1) : figure(value, digits) };
+    return { at: value, text: figure(value, step, large) };
   });
 }

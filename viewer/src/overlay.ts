@@ -8,6 +8,7 @@ import { Links } from "./links";
 import { MOST_NUMBERED, linear, type Look } from "./palette";
 import { edges, shiftOf } from "./periodic";
 import type { Run, Vec } from "./run";
+import { greatest } from "./scale";
 import { Sticks, type Tint } from "./sticks";
 import { add, norm } from "./vec";
 import type { World } from "./world";
@@ -96,7 +97,7 @@ export class Overlay {
     this.among.add(this.trails.mesh, this.rods.mesh);
     this.onTop.add(this.arrows.mesh, this.flashes.mesh);
     this.reference = {
-      velocity: fastest(run),
+      velocity: greatest(run, (n, frame) => run.velocityOf(n, frame)) || 1,
       // Impacts and a few contacts of a pile carry much more than the others: these must not make all others vanish.
       contact: run.contacts?.quantile(few ? 0.9 : 0.98) ?? 0,
       impact: run.impacts?.quantile(few ? 1 : 0.98) ?? 0,
@@ -253,17 +254,4 @@ export class Overlay {
     }
     return touch(impacts, row, at, 0, run.radius[first], [0, 0, 0]);
   }
-}
-
-/** Greatest speed of a sample of bodies and frames, and not zero. */
-function fastest(run: Run): number {
-  const bodies = Math.max(1, Math.floor(run.count / 500));
-  const frames = Math.max(1, Math.floor(run.frames / 200));
-  let most = 0;
-  for (let f = 0; f < run.frames; f += frames) {
-    for (let n = 0; n < run.count; n += bodies) {
-      if (run.present(n, f)) most = Math.max(most, Math.hypot(...run.velocityOf(n, f)));
-    }
-  }
-  return most || 1;
 }

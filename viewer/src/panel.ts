@@ -1,11 +1,13 @@
 // The list of bodies, the card of the selected one, and the labels that float over the balls.
 
-import { byId, create, decimals, figure } from "./dom";
+import { byId, create, figure, shortened } from "./dom";
 import type { Look } from "./palette";
 import type { Run, Vec } from "./run";
+import { greatest } from "./scale";
 import type { Stage } from "./stage";
 
 const MOST_LISTED = 300; // rows; a larger run is searched
+const LISTED = 24; // characters of a name in the list
 const MOST_LABELLED = 80; // labels at once: the nearest ones
 
 export class Panel {
@@ -14,14 +16,21 @@ export class Panel {
   private readonly list = byId("list");
   private readonly find = byId<HTMLInputElement>("find");
   private readonly cells = new Map<string, HTMLElement>();
-  private readonly digits: number;
+  /** The smallest change that is shown, and the largest number of the run: a cell holds eight characters. */
+  private readonly scale: Record<"position" | "velocity" | "spin", [step: number, large: number]>;
 
   constructor(
     private readonly run: Run,
     private readonly looks: Look[],
     private readonly choose: (body: number) => void,
   ) {
-    this.digits = Math.min(decimals(Math.min(...run.radius.slice(0, 1000)) / 50), 6);
+    const extent = Math.max(...run.facts.box.flat().map(Math.abs));
+    const rates = (usual: number, large: number): [number, number] => [Math.max(Math.min(usual, 1e-2 * large), 1e-5 * large), large];
+    this.scale = {
+      position: [Math.max(Math.min(...run.radius.slice(0, 1000)) / 50, 1e-5 * extent), extent],
+      velocity: rates(1e-4, greatest(run, (n, frame) => run.velocityOf(n, frame))),
+      spin: rates(1e-3, greatest(run, (n, frame) => run.spinOf(n, frame))),
+    };
     this.find.hidden = run.count <= 20;
     this.find.addEventListener("input", () => this.fill());
     this.fill();
@@ -39,15 +48,16 @@ export class Panel {
     const { run } = this;
     this.card.querySelector("h2")!.textContent = run.names[selected];
     (this.card.querySelector(".chip") as HTMLElement).style.background = this.looks[selected].css;
-    const put = (name: string, values: Vec, digits: number, extra = "") => {
+    const put = (name: keyof typeof this.scale, values: Vec, extra = "") => {
       const length = Math.hypot(...values);
-      values.forEach((v, k) => (this.cells.get(name + "xyz"[k])!.textContent = figure(v, digits)));
+      const [step, large] = this.scale[name];
+      values.forEach((v, k) => (this.cells.get(name + "xyz"[k])!.textContent = figure(v, step, large)));
       const total = this.cells.get(name);
-      if (total) total.textContent = figure(length, digits) + extra;
+      if (total) total.textContent = figure(length, step, large) + extra;
     };
-    put("position", run.where(selected), this.digits);
-    put("velocity", run.velocityOf(selected), 4, " m/s");
-    put("spin", run.spinOf(selected), 3, " rad/s");
+    put("position", run.where(selected));
+    put("velocity", run.velocityOf(selected), " m/s");
+    put("spin", run.spinOf(selected), " rad/s");
     if (!run.present(selected)) {
       this.card.querySelector(".fine")!.textContent = "not there at this time";
       return;
@@ -104,7 +114,8 @@ export class Panel {
       button.dataset.body = String(n);
       const chip = create("i", "chip");
       chip.style.background = this.looks[n].css;
-      button.append(chip, create("span", "", this.run.names[n]));
+      button.append(chip, create("span", "", shortened(this.run.names[n], LISTED)));
+      button.title = this.run.names[n];
       button.addEventListener("click", () => this.choose(n));
       const item = create("li");
       item.append(button);
@@ -147,7 +158,7 @@ export class Labels {
     const at = [0, 1, 2].map((k) => centre[4 * n + k] + 1.25 * centre[4 * n + 3] * up[k]) as Vec;
     const point = this.stage.project(at);
     if (!point) return false;
-    const name = this.run.names[n];
+    const name = shortened(this.run.names[n]);
     const [x, y] = point;
     const half = 4 * name.length + 8; // near enough, without asking the browser to lay out
     if (this.taken.some(([u, v, h]) => Math.abs(x - u) < half + h && Math.abs(y - v) < 20)) return false;

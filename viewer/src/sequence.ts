@@ -1,6 +1,6 @@
 // The impacts of the step shown, in their order: numbers over the contacts, and a list with pairs and impulses.
 
-import { byId, create, figure } from "./dom";
+import { amount, byId, create, figure, shortened } from "./dom";
 import { STATUS_WORDS, type Impacts } from "./happenings";
 import type { Run } from "./run";
 import type { Stage } from "./stage";
@@ -55,17 +55,21 @@ export class Sequence {
 
   private list(impacts: Impacts, from: number, to: number): HTMLElement[] {
     const found: HTMLElement[] = [];
+    const name = (n: number) => shortened(this.run.nameOf(n), 20);
+    let fastest = 0;
+    for (let row = from; row < to; row++) fastest = Math.max(fastest, Math.abs(impacts.approach(row)), Math.abs(impacts.separation(row)));
+    const step = Math.max(Math.min(1e-3, 1e-2 * fastest), 1e-6 * fastest);
     for (let row = from; row < Math.min(to, from + MOST_ROWS); row++) {
       const line = create("tr");
       const order = impacts.problem[row];
       const number = create("td", "", order > 0 ? String(order) : "\u2013");
       if (order === 0) number.title = "pushed by gravity or loads in the same step";
-      const pair = create("td", "", `${this.run.nameOf(impacts.first(row))} \u2013 ${this.run.nameOf(impacts.second(row))}`);
+      const pair = create("td", "", `${name(impacts.first(row))} \u2013 ${name(impacts.second(row))}`);
       const word = STATUS_WORDS[impacts.status(row)];
       const state = create("td");
       state.append(create("i", `dot ${word}`), word);
-      const impulse = create("td", "", impacts.size(row).toPrecision(3));
-      const speeds = create("td", "", `${figure(impacts.approach(row), 3)} \u2192 ${figure(impacts.separation(row), 3)}`);
+      const impulse = create("td", "", amount(impacts.size(row), true));
+      const speeds = create("td", "", `${figure(impacts.approach(row), step, fastest)} \u2192 ${figure(impacts.separation(row), step, fastest)}`);
       line.append(number, pair, state, impulse, speeds);
       found.push(line);
     }

@@ -1,6 +1,6 @@
 // The menu of what is drawn, and the key that says what the arrows mean.
 
-import { byId, create } from "./dom";
+import { amount, byId, create } from "./dom";
 import type { Overlay, Shown } from "./overlay";
 import type { Run } from "./run";
 
@@ -68,17 +68,16 @@ export class Show {
     this.sync();
     const { shown, largest } = this.overlay;
     const lines: string[][] = [];
-    const amount = (value: number | undefined, unit: string) =>
-      value === undefined ? "none now" : `longest ${+value.toPrecision(3)} ${unit}`;
+    const longest = (value: number | undefined, unit: string) => (value === undefined ? "none now" : `longest ${amount(value)} ${unit}`);
     const bars = this.run.count > 64;
-    if (shown.velocities) lines.push(["velocity", `velocity, ${amount(largest.velocity, "m/s")}`]);
+    if (shown.velocities) lines.push(["velocity", `velocity, ${longest(largest.velocity, "m/s")}`]);
     if (shown.contacts && this.has("contacts")) {
-      const mean = `mean since the frame before, ${amount(largest.contact, "N").replace("longest", bars ? "greatest" : "longest")}`;
+      const mean = `mean since the frame before, ${longest(largest.contact, "N").replace("longest", bars ? "greatest" : "longest")}`;
       lines.push(["stick", "stick"], ["slip", "slip"], ["", `contact force: ${mean}`]);
     }
     if (shown.impacts && this.has("impacts") && largest.impact !== undefined) {
       if (!shown.contacts) lines.push(["stick", "stick"], ["slip", "slip"]);
-      lines.push(["", `impulse, ${amount(largest.impact, "N s")}; numbers: order of the impacts`]);
+      lines.push(["", `impulse, ${longest(largest.impact, "N s")}; numbers: order of the impacts`]);
     }
     if (this.overlay.cut) lines.push(["", "the largest are drawn shorter than they are"]);
     const text = JSON.stringify(lines);

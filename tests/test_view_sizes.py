@@ -1,0 +1,95 @@
+"""Pages of runs at any scale, with names of any length, in windows of any size."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import carom
+import pytest
+from browser import Browser, find_browser
+from carom.show.viewer import write_html
+from carom.text import shortened
+
+pytestmark = pytest.mark.skipif(
+    find_browser() is None, reason="needs a Chromium (apt-get install chromium, or name one in CAROM_BROWSER)"
+)
+
+LONG = "a name that nobody would write but that a program may well have made, of ball number 17"
+
+
+def rolling(size: float) -> carom.Result:
+    """Two balls of a radius (m), which fall as far in times that go with the root of it."""
+    end = (size / 9.8) ** 0.5
+    scene = carom.Scene("scale", gravity=(0, 0, -9.8), run={"until": 6 * end, "step": 0.01 * end})
+    scene.contact("m", "m", friction=0.3, restitution=0.5)
+    scene.plane("floor", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    for k, name in enumerate((LONG, "b")):
+        scene.sphere(name, radius=size, density=2500, at=(3 * k * size, 0, 2 * size), material="m")
+    return carom.simulate(scene)
+
+
+def text(browser: Browser, element: str) -> str:
+    return str(browser.evaluate(f"document.getElementById('{element}').innerText"))
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e4])
+def test_numbers_have_digits_at_any_scale(size: float, tmp_path: Path) -> None:
+    """Energies of grains of a micron were 0.000000 J, those of boulders had twenty digits."""
+    result = rolling(size)
+    with Browser(size=(1280, 720)) as browser:
+        browser.open(write_html(result, tmp_path / "view.html").path)
+        browser.evaluate("carom.graphs(true), carom.show({contacts:true, velocities:true}), carom.select(1)")
+        frame = len(result.time) // 2
+        browser.evaluate(f"carom.setTime({float(result.time[frame]) * (1 + 1e-12)})")
+        graphs, key, card = (
+            text(browser, element).replace("−", "-") for element in ("graphs", "key", "card")
+        )
+
+        def number(words: str, before: str) -> tuple[str, float]:
+            found = re.search(rf"{before}\s+(-?[\d.]+(?:e-?\d+)?)", words)
+            assert found, words
+            return found[1], float(found[1])
+
+        energy = result.energy
+        k = int(abs(energy.time - result.time[frame]).argmin())
+        written, kinetic = number(graphs, "kinetic")
+        assert kinetic == pytest.approx(energy.kinetic[k], rel=0.01, abs=0.002 * energy.total[0])
+        assert 3 <= len(written) <= 9
+        speed = max(abs(result.velocity[frame, n]).max() for n in (0, 1))
+        assert number(key, "velocity, longest")[1] == pytest.approx(speed, rel=0.005)
+        assert number(card, r"z")[1] == pytest.approx(result.position[frame, 1, 2], rel=0.02)
+        for cell in browser.evaluate(
+            "[...document.querySelectorAll('.triple span')].map(e => e.scrollWidth - e.clientWidth)"
+        ):
+            assert cell <= 0  # none is cut
+
+
+def boxes(browser: Browser, *elements: str) -> list[Any]:
+    return [
+        browser.evaluate(
+            f"(({{left, top, right, bottom}}) => [left, top, right, bottom])"
+            f"(document.querySelector('{element}').getBoundingClientRect())"
+        )
+        for element in elements
+    ]
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (390, 800)])
+def test_nothing_lies_over_the_key_or_the_list(size: tuple[int, int], tmp_path: Path) -> None:
+    """The key ran under the list of bodies, and on telephones the choice of the graph was squeezed to its arrow."""
+    run = rolling(0.01)
+    with Browser(size=size) as browser:
+        browser.open(write_html(run, tmp_path / "view.html").path)
+        browser.evaluate("carom.graphs(true), carom.show({contacts:true, velocities:true, impacts:true})")
+        browser.evaluate("carom.select(0)")
+        browser.evaluate(f"carom.setTime({float(run.time[-1])})")
+        panel, key, head, choice = boxes(browser, "#panel", "#key", "header", "#graphs select")
+        assert key[2] <= panel[0]
+        assert head[2] <= panel[0]
+        assert choice[2] - choice[0] > 60
+        [label] = [row for row in text(browser, "list").split("\n") if "…" in row]
+        assert label == shortened(LONG, 24)
+        assert LONG in text(browser, "card")
+        assert shortened(LONG) in text(browser, "labels")
