@@ -192,8 +192,8 @@ class Shadows:
         v = np.cross(self._normal, self._u)
         # Just above the floor, each a little above those that are drawn before: in one plane rounding of depths decides
         # which of two is seen, from pixel to pixel.
-        above = 0.004 * float(np.median(radius) if len(radius) else 0.0)
-        above = above + self.APART * (np.arange(len(radius)) % self.LAYERS)
+        least = 0.004 * float(np.median(radius) if len(radius) else 0.0)
+        above = least + self.APART * (np.arange(len(radius)) % self.LAYERS)
         foot = foot + above[:, None] * self._normal
         reach = (1.25 + 0.25 * np.maximum(over, 0.0)) * radius
         spots = CORNERS[:, :1] * self._u + CORNERS[:, 1:] * v
