@@ -95,6 +95,6 @@ def _impulses(part: Any, found: Comparison) -> dict[str, Array]:
         text: line for axes in panels for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     if handles:
-        columns = max(1, min(9, int(11 * width() / (max(map(len, handles)) + 6))))
+        columns = max(1, min(9, int(13 * width() / (max(map(len, handles)) + 6))))
         unmarked(part.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=columns))
     return numbers

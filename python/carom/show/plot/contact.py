@@ -15,6 +15,7 @@ from carom.show.plot.style import (
     COLOURS,
     GREY,
     LETTERS_PER_INCH,
+    LINE,
     Chart,
     fitted,
     paired,
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 MOST_PAIRS = 14
 #: Impulses below this share of the greatest are rounding.
 NOTHING = 1e-12
+#: Problems whose sums have stems; of more these would be a grey wall.
+MOST_STEMS = 60
 #: Width of a digit of the numbers at discs, in, with a share of the gap between them.
 DIGIT = 0.085
 STATUS = ("open", "stick", "slip")
@@ -204,7 +207,9 @@ def _number(value: float) -> str:
 
 def _numbered(discs: Discs, title: str, names: list[str], every: int) -> Figure:
     """A row for each pair, with the impulses written at their discs."""
-    figure, (axes,) = panels(1, 1.1 + 0.42 * len(names), title, _indent(names))
+    label = fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(names))
+    height = 1.1 + 0.42 * len(names) + LINE * label.count("\n")
+    figure, (axes,) = panels(1, height, title, _indent(names))
     discs.draw(axes, 130)
     most = float(discs.size.max(initial=1e-300))
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "bottom", "fontsize": 8}
@@ -214,7 +219,7 @@ def _numbered(discs: Discs, title: str, names: list[str], every: int) -> Figure:
             axes.annotate(text, (int(x), int(row)), xytext=(0, 3 + 5 * np.sqrt(size / most)), **look)
     _rows(axes, discs, names, 0.8)
     axes.set_xticks(np.unique(discs.problem))
-    axes.set_xlabel(fitted("problem of the sequence; numbers: normal impulses (N\u00a0s)", _indent(names)))
+    axes.set_xlabel(label)
     figure.legend(loc="outside upper left", ncols=3)
     return figure
 
@@ -222,11 +227,16 @@ def _numbered(discs: Discs, title: str, names: list[str], every: int) -> Figure:
 def _summed(discs: Discs, title: str, names: list[str], every: int) -> Figure:
     """Of long sequences: above what all pairs have in each problem, below the rows without numbers, until they end."""
     lower = 0.24 * len(names)
-    figure, (above, axes) = panels(2, 2.8 + lower, title, _indent(names), (1.3, max(0.6, lower)))
+    of = "the pairs" if every == len(names) else f"the {len(names)} pairs with most"
+    words = f"problem of the sequence; above: sum of the normal impulses; below: discs of {of}, by area"
+    label = fitted(f"{words}, largest {discs.size.max():.3g}\u00a0N\u00a0s", _indent(names))
+    height = 2.65 + lower + LINE * label.count("\n")
+    figure, (above, axes) = panels(2, height, title, _indent(names), (1.3, max(0.6, lower)))
     problems = np.unique(discs.problem)
     total = np.array([discs.size[discs.problem == k].sum() for k in problems])
     felt = total > NOTHING * total.max(initial=0.0)
-    above.vlines(problems[felt], total[felt].min(initial=1.0) / 2, total[felt], color=GREY, linewidth=0.8)
+    if len(problems) <= MOST_STEMS:
+        above.vlines(problems[felt], total[felt].min(initial=1.0) / 2, total[felt], color=GREY, linewidth=0.8)
     above.semilogy(problems[felt], total[felt], "o", color="black", markersize=2.5)
     above.set_xlim(problems[0] - 0.5, problems[-1] + 0.5)
     above.set_ylabel(f"all {counted(every, 'pair')}\n(N\u00a0s)")
@@ -234,9 +244,7 @@ def _summed(discs: Discs, title: str, names: list[str], every: int) -> Figure:
     _rows(axes, discs, names, 0.6)
     for axis in (above, axes):
         whole_numbers(axis.xaxis, 12 if width() > 5 else 6)
-    of = "the pairs" if every == len(names) else f"the {len(names)} pairs with most"
-    words = f"problem of the sequence; above: sum of the normal impulses; below: discs of {of}, by area"
-    axes.set_xlabel(fitted(f"{words}, largest {discs.size.max():.3g}\u00a0N\u00a0s", _indent(names)))
+    axes.set_xlabel(label)
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure

@@ -36,6 +36,8 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 2)))
 WIDTHS = {"single": 3.4, "double": 7.0}
 #: Of text in the size of a title.
 LETTERS_PER_INCH = 13.0
+#: Height of a line of a title or a label, in.
+LINE = 0.15
 _width: ContextVar[str] = ContextVar("width", default="double")
 DPI = 200
 
@@ -107,7 +109,7 @@ def entry(name: str) -> str:
 
 def paired(names: Sequence[str]) -> str:
     """Two names as the label of a row."""
-    return " - ".join(named(name, LONGEST // 2 + 2) for name in names)
+    return " - ".join(named(name, 18 if width() > 5 else 10) for name in names)
 
 
 def fitted(text: str, indent: float = 0.6) -> str:
@@ -136,10 +138,11 @@ def panels(
     """
     from carom.show.plot.figure import Drawing
 
-    figure = Drawing(figsize=(width(), height), layout="constrained")
+    head = fitted(title, indent)
+    figure = Drawing(figsize=(width(), height + LINE * head.count("\n")), layout="constrained")
     axes = figure.subplots(count, 1, sharex=ratios is None, squeeze=False, height_ratios=ratios)[:, 0]
     if title:
-        axes[0].set_title(fitted(title, indent), loc="left")
+        axes[0].set_title(head, loc="left")
     return figure, list(axes)
 
 
