@@ -247,7 +247,7 @@ def test_a_problem_of_a_run_is_found_again(stored: Path) -> None:
     files = kept_files(stored)
     assert {file.step for file in files} == {64, 110}
     for file in files:
-        keys = {key: getattr(file, key) for key in ("step", "level", "island", "index", "part")}
+        keys = {key: getattr(file, key) for key in ("step", "level", "island", "index", "again", "part")}
         assert ContactProblem.from_run(stored, **keys).title.startswith(file.level)
     with pytest.raises(
         ContactProblemError, match=r"\d+ contact problems with step=64; say which: step=64, level='"
@@ -257,6 +257,43 @@ def test_a_problem_of_a_run_is_found_again(stored: Path) -> None:
         ContactProblemError, match="no contact problem with step=3; there are those of steps 64, 110"
     ):
         ContactProblem.from_run(stored, step=3)
+
+
+def contents(run: Path) -> set[tuple[int, bytes, bytes]]:
+    """Step, q and r of each file."""
+    found = []
+    for file in kept_files(run):
+        with h5py.File(file.path) as opened:
+            q = np.asarray(ContactProblem.from_fclib(file.path).local.q)
+            assert opened["carom"].attrs["again"] == file.again
+            found.append((file.step, q.tobytes(), opened["carom/r"][:].tobytes()))
+    assert len(set(found)) == len(found)
+    return set(found)
+
+
+def test_two_problems_of_a_step_with_the_same_index_have_two_files(tmp_path: Path) -> None:
+    """Loads are solved before the positions and once more after them; the second took the file of the first."""
+    tower = carom.Scene(gravity=(0, 0, -9.8))
+    tower.material("m")
+    tower.contact("m", "m", friction=0.3, restitution=0.5)
+    tower.plane("bed", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    for name, place in {"a": (0, 0, 0.02), "b": (0.0401, 0, 0.02), "c": (0, 0.001, 0.0601)}.items():
+        push = (0, 0.3, 0) if name == "a" else (0, 0, 0)
+        tower.sphere(name, material="m", radius=0.02, mass=0.1, position=place, velocity=push)
+    scene_ = tower.with_options(until=0.02, step=1e-3)
+    runs = {}
+    for number, choice in enumerate(("all", "worst:1000", "worst:20", "1:10,worst:1000")):
+        simulate(scene_, out=tmp_path / str(number), save_problems=choice)
+        runs[choice] = contents(tmp_path / str(number))
+    assert runs["all"] == runs["worst:1000"] == runs["1:10,worst:1000"]
+    assert len(runs["worst:20"]) == 20
+    assert runs["worst:20"] < runs["all"]
+    again = next(file for file in kept_files(tmp_path / "0") if file.again)
+    keys = {"step": again.step, "level": again.level, "island": again.island, "index": again.index}
+    with pytest.raises(ContactProblemError, match=r"again=1 \(again=0 is the first"):
+        ContactProblem.from_run(tmp_path / "0", **keys)
+    first, second = (ContactProblem.from_run(tmp_path / "0", **keys, again=k).local.q for k in (0, 1))
+    assert not np.array_equal(first, second)
 
 
 def test_a_run_that_goes_on_keeps_on_keeping(tmp_path: Path) -> None:

@@ -81,7 +81,8 @@ def run(
 
         kept = kept_files(result.path)
         megabytes = sum(file.path.stat().st_size for file in kept) / 1e6
-        note(f"{counted(len(kept), 'contact problem')} in {result.path / FOLDER}, {megabytes:.3g} MB")
+        if kept:
+            note(f"{counted(len(kept), 'contact problem')} in {result.path / FOLDER}, {megabytes:.3g} MB")
         if wrong := unmet(problems, result, "--save-problems"):
             note(f"warning: {wrong}")
     return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))

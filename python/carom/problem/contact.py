@@ -60,19 +60,27 @@ class ContactProblem:
         island: int | None = None,
         index: int | None = None,
         part: int | None = None,
+        again: int | None = None,
     ) -> ContactProblem:
         """A problem that a run kept: one of those that `save_problems` asked for, or the one that could not be solved.
 
         Give as much as tells it from the others: its `step`, its `level` ("position" or "velocity"), the number of its
         `island` and, at velocity level, the `index` of the impact problem (0: the loads, as in the table of impacts); of a
-        step that was halved the `part` (0: none). Without anything it is the one that could not be solved, if there is
-        one. An error lists what there is.
+        step that was halved the `part` (0: none). Where a step poses several problems of this description, `again` is 0
+        for the first. Without anything it is the one that could not be solved, if there is one. An error lists what there
+        is.
         """
         directory = RunDir.open(run_dir)
         failed = (directory.read().get("outcome") or {}).get("step")
-        return cls.from_fclib(
-            find(directory.path, failed, step=step, level=level, island=island, index=index, part=part)
-        )
+        wanted = {
+            "step": step,
+            "level": level,
+            "island": island,
+            "index": index,
+            "part": part,
+            "again": again,
+        }
+        return cls.from_fclib(find(directory.path, failed, **wanted))
 
     def to_fclib(self, path: Path | str) -> Path:
         """Write a file in the layout of FCLib, in the form in which the problem was given."""

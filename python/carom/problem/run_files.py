@@ -34,17 +34,19 @@ ORIGIN = (
     "attempts",
 )
 _NAME = re.compile(
-    r"step_(?P<step>\d+)(?:_part(?P<part>\d+))?_(?P<level>position|velocity)_(?P<island>\d+)(?:_(?P<index>\d+))?\.hdf5"
+    r"step_(?P<step>\d+)(?:_part(?P<part>\d+))?_(?P<level>position|velocity)_(?P<island>\d+)(?:_(?P<index>\d+))?"
+    r"(?:_again(?P<again>\d+))?\.hdf5"
 )
 
 
 def file_name(kept: Mapping[str, Any]) -> str:
     """`step_000123_position_0.hdf5`: step, level, island, and at velocity level the impact problem; in a halved step
-    `_part2` after the step.
+    `_part2` after the step. `_again1` at the end is the second problem of the same place (`again`, 0 where there is none).
     """
     part = f"_part{kept['part']}" if kept["part"] else ""
     index = f"_{kept['index']}" if kept["level"] == "velocity" else ""
-    return f"step_{kept['step']:06d}{part}_{kept['level']}_{kept['island']}{index}.hdf5"
+    again = f"_again{kept['again']}" if kept.get("again") else ""
+    return f"step_{kept['step']:06d}{part}_{kept['level']}_{kept['island']}{index}{again}.hdf5"
 
 
 def write_kept(path: Path, kept: Mapping[str, Any], form: str = "local") -> Path:
@@ -65,6 +67,7 @@ def origin(kept: Mapping[str, Any]) -> dict[str, Any]:
     axes = frames(kept)
     return {
         **{key: kept[key] for key in ORIGIN},
+        "again": kept.get("again", 0),
         "bodies": kept["bodies"][: len(axes)],
         "r": multipliers(kept),
         **{name: axes[:, k] for k, name in enumerate(("normal", "tangent1", "tangent2"))},
@@ -80,12 +83,14 @@ class KeptFile:
     level: str
     island: int
     index: int
+    again: int
     path: Path
 
     def __str__(self) -> str:
         part = f", part={self.part}" if self.part else ""
         index = f", index={self.index}" if self.level == "velocity" else ""
-        return f"step={self.step}{part}, level={self.level!r}, island={self.island}{index}"
+        again = f", again={self.again}" if self.again else ""
+        return f"step={self.step}{part}, level={self.level!r}, island={self.island}{index}{again}"
 
 
 def kept_files(run: Path) -> list[KeptFile]:
@@ -93,13 +98,15 @@ def kept_files(run: Path) -> list[KeptFile]:
     found = []
     for path in (run / FOLDER).glob("*.hdf5"):
         if match := _NAME.fullmatch(path.name):
-            step, part, island, index = (int(match[key] or 0) for key in ("step", "part", "island", "index"))
-            found.append(KeptFile(step, part, match["level"], island, index, path))
+            step, part, island, index, again = (
+                int(match[key] or 0) for key in ("step", "part", "island", "index", "again")
+            )
+            found.append(KeptFile(step, part, match["level"], island, index, again, path))
     return sorted(found)
 
 
 def find(run: Path, failed_step: int | None, **wanted: Any) -> Path:
-    """The file of the one problem with the `wanted` (not None) step, part, level, island and index.
+    """The file of the one problem with the `wanted` (not None) step, part, level, island, index and again.
 
     Without any it is the one that could not be solved, of step `failed_step`, or the only one there is.
     """
@@ -114,6 +121,8 @@ def find(run: Path, failed_step: int | None, **wanted: Any) -> Path:
     asked = ", ".join(f"{key}={value!r}" for key, value in wanted.items())
     if fitting:
         names = "; ".join(map(str, fitting[:4])) + ("; ..." if len(fitting) > 4 else "")
+        if any(file.again for file in fitting):
+            names += " (again=0 is the first where again is not named)"
         cause = f"{len(fitting)} contact problems {'with ' + asked if asked else 'there'}"
         raise refuse(str(run), cause, f"say which: {names}")
     if not there and not failing.is_file():

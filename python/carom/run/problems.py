@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -62,6 +63,12 @@ class Choice:
             raise CaromError(f"{label}: nothing is chosen; give {CHOICE}")
         return cls(text, tuple(steps), hardest, form)
 
+    def has(self, step: int) -> bool:
+        """Whether everything of a step is kept, however hard it is."""
+        return any(
+            first <= step <= last and (step - first) % stride == 0 for first, last, stride in self.steps
+        )
+
 
 def unmet(choice: Choice, result: RunData, label: str = "save_problems") -> str | None:
     """What a finished run says of a choice that it could not meet: steps beyond it, or none with contacts."""
@@ -86,6 +93,7 @@ class Problems(Sink):
 
     def __init__(self, directory: RunDir, choice: Choice) -> None:
         self.directory, self.choice = directory, choice
+        self._step, self._seen = 0, Counter[str]()
 
     def start(self, simulation: Simulation) -> None:
         """Tell the simulation, before its first step."""
@@ -96,11 +104,25 @@ class Problems(Sink):
         self._write(simulation.take_problems(False))
 
     def end(self, simulation: Simulation) -> None:
-        """Write the hardest problems too: of two that are called the same the harder one stays."""
-        self._write([*simulation.take_problems(False), *reversed(simulation.take_problems(True))])
+        """Write the hardest problems too, but for those of chosen steps, of which everything is there.
+
+        The core gives the hardest by iterations and does not say in which order a step posed them. So of several that are
+        called the same the hardest one is the first.
+        """
+        self._write(simulation.take_problems(False))
+        self._seen.clear()
+        hardest = [kept for kept in simulation.take_problems(True) if not self.choice.has(kept["step"])]
+        self._write(sorted(hardest, key=lambda kept: kept["step"]))  # stable: within a step the hardest first
 
     def _write(self, kept: Iterable[Mapping[str, Any]]) -> None:
+        """Write problems in the order of their steps; what is called as one before it in its step has a number `again`."""
         for problem in kept:
+            if problem["step"] != self._step:
+                self._step = problem["step"]
+                self._seen.clear()
+            name = file_name(problem)
+            problem = {**problem, "again": self._seen[name]}
+            self._seen[name] += 1
             path = inside(self.directory.path, FOLDER) / file_name(problem)
             try:
                 write_kept(path, problem, self.choice.form)
