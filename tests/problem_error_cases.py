@@ -127,6 +127,10 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
     ),
     "... triplets announced, ... there; the matrix is damaged": ("W/nz", file_with("fclib_local/W/nz", 7)),
     "... entries; FCLib counts with 32 bits": ("W, M or H: 2147483648", too_many_entries),
+    "a contact problem does not change; make another one": (
+        "problem.local",
+        lambda *_: setattr(ContactProblem.from_matrices(np.eye(3), np.ones(3), [0.5]), "local", None),
+    ),
     "it couples ... rows; blocks of up to ... are eliminated here; give W and q instead": ("M", large_block),
     "no contact problem was kept; save_problems=... (--save-problems) keeps those of chosen steps": (
         "",

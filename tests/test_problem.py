@@ -192,6 +192,28 @@ def test_an_r_of_the_wrong_length_is_refused() -> None:
 # --- the face ---------------------------------------------------------------------------------------------------------
 
 
+def test_a_problem_does_not_change() -> None:
+    problem = ContactProblem.from_bodies(np.eye(3), np.eye(3), [-1, 0, 0], np.zeros(3), [0.5])
+    for name, value in {"local": None, "source": None, "mu": 3.0}.items():
+        with pytest.raises(ContactProblemError, match=rf"problem.{name}: a contact problem does not change"):
+            setattr(problem, name, value)
+    with pytest.raises(ContactProblemError, match="does not change"):
+        del problem.source
+    assert problem.solve().converged
+    with pytest.raises(ContactProblemError, match="M: singular in row 0"):
+        ContactProblem.from_bodies(np.zeros((3, 3)), np.eye(3), [-1, 0, 0], np.zeros(3), [0.5])
+
+
+def test_wrong_arguments_of_a_problem_are_errors_of_carom(tmp_path: Path) -> None:
+    problem = ContactProblem.from_matrices(np.eye(3), [-1, 0, 0], [0.5])
+    with pytest.raises(ContactProblemError, match=r"solver: none is called \['auto'\]"):
+        problem.solve(solver=["auto"])  # type: ignore[arg-type]
+    for write in (problem.to_fclib, problem.solve().to_fclib):
+        for path in (".", tmp_path):
+            with pytest.raises(carom.CaromError, match=r"cannot write .*: it is a directory; name a file"):
+                write(path)
+
+
 def test_the_face_of_it_all(tmp_path: Path) -> None:
     problem = carom.ContactProblem.from_matrices(np.eye(3), [-1.0, 0.5, 0.0], [0.2], title="one ball")
     assert problem.residual([1.0, -0.2, 0.0]).err < 1e-15

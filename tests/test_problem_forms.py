@@ -95,9 +95,17 @@ def test_bodies_of_any_mass_are_eliminated() -> None:
 def test_a_singular_mass_matrix_is_refused(block: Any, where: str) -> None:
     m = np.eye(5)
     m[2:4, 2:4] = block
-    problem = GlobalProblem(M=m, H=np.ones((5, 3)), f=np.zeros(5), w=np.zeros(3), mu=[0.3])
     with pytest.raises(ContactProblemError, match=rf"M: singular in {where} \(from 0\)"):
-        problem.to_local()
+        GlobalProblem(M=m, H=np.ones((5, 3)), f=np.zeros(5), w=np.zeros(3), mu=[0.3])
+
+
+def test_a_large_block_of_a_mass_matrix_is_looked_at_when_it_is_inverted(monkeypatch: Any) -> None:
+    monkeypatch.setattr("carom.problem.global_.MAX_CHECKED", 1)
+    rest = {"H": np.ones((3, 3)), "f": np.zeros(3), "w": np.zeros(3), "mu": [0.3]}
+    with pytest.raises(ContactProblemError, match="M: singular in rows 0, 1"):
+        GlobalProblem(M=[[1, 1, 0], [1, 1, 0], [0, 0, 1]], **rest).to_local()
+    with pytest.raises(ContactProblemError, match="M: singular in row 2"):
+        GlobalProblem(M=[[2, 1, 0], [1, 2, 0], [0, 0, 0]], **rest)
 
 
 def test_an_indefinite_mass_matrix_is_told() -> None:

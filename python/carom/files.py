@@ -123,6 +123,8 @@ def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents:
 
     With `parents` the directory is made if it is not there.
     """
+    if path.is_dir():
+        raise RecordError(f"cannot write {path}: it is a directory; name a file")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         if parents:

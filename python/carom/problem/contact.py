@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from carom.problem.errors import refuse
 from carom.problem.fclib import read_fclib, write_fclib
 from carom.problem.global_ import GlobalProblem
 from carom.problem.local import LocalProblem
@@ -25,8 +26,19 @@ class ContactProblem:
     """
 
     def __init__(self, source: LocalProblem | GlobalProblem) -> None:
-        self.source = source
+        self.__dict__["source"] = source
+
+    @property
+    def source(self) -> LocalProblem | GlobalProblem:
         """The form in which it was given; `to_fclib` writes this one."""
+        found: LocalProblem | GlobalProblem = self.__dict__["source"]
+        return found
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise refuse(f"problem.{name}", "a contact problem does not change", "make another one")
+
+    def __delattr__(self, name: str) -> None:
+        self.__setattr__(name, None)
 
     @classmethod
     def from_matrices(

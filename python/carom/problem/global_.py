@@ -21,6 +21,9 @@ from carom.problem.errors import ContactProblemError, ContactProblemWarning, ref
 from carom.problem.local import Bounds, LocalProblem, finite, square, vector
 from carom.problem.matrix import Csr, blocks, components, of_blocks
 
+#: Rows of a block of M up to which it is seen when a problem is made whether it is singular (0.1 s). Larger: problems that
+#: are only read and written take long.
+MAX_CHECKED = 1000
 #: Rows of a block of M that is inverted as a dense matrix (0.3 GB).
 MAX_BLOCK = 6000
 
@@ -46,6 +49,7 @@ class GlobalProblem(Bounds):
             raise refuse("H", cause, f"with f and w as they are it must be {wanted[0]} x {wanted[1]}")
         finite(h.data, "H")
         self._set("H", h)
+        _check_regular(self.M)
 
     def to_local(self) -> LocalProblem:
         """The local form. A singular M is an error, one that is not positive definite a warning."""
@@ -89,6 +93,19 @@ def invert(m: Csr) -> Csr:
         )
         warnings.warn(text, ContactProblemWarning, stacklevel=3)
     return of_blocks(found, m.shape, "M")
+
+
+def _check_regular(m: Csr) -> None:
+    """Refuse a singular M. Blocks of more than `MAX_CHECKED` rows are seen to when bodies are eliminated."""
+    block = components(m)
+    small = np.bincount(block)[block] <= MAX_CHECKED
+    if small.all():
+        for members, dense in blocks(m, block):
+            _inverse(dense, members)
+        return
+    empty = np.flatnonzero(np.bincount(m.rows, np.abs(m.data), minlength=m.shape[0]) == 0.0)
+    if len(empty):
+        raise _singular(empty[:1])
 
 
 def _inverse(dense: F64, members: I64) -> tuple[F64, bool]:

@@ -199,7 +199,7 @@ def solve(
     `KeyboardInterrupt` at once; the core then computes on unheard until it is done or its time is up.
     """
     known = solvers()
-    if solver not in known:
+    if not isinstance(solver, str) or solver not in known:
         raise refuse("solver", f"none is called {solver!r}", did_you_mean(str(solver), list(known)))
     if on_nonconvergence not in ("raise", "return"):
         raise refuse("on_nonconvergence", f"{on_nonconvergence!r}", "either 'raise' or 'return'")
