@@ -256,6 +256,7 @@ def test_a_missing_column_is_named_with_those_that_are_there(free: Path) -> None
     [
         (lambda result: {"height": 1.0}, {**end(1, 1), "quantity": "angle"}, "no run gives angle, a target; .*height"),
         (lambda result: {"height": 1.0}, {**CURVE, "quantity": "N"}, "no curve is called N"),
+        (lambda result: 3, CURVE, "measure: it returned 3; return numbers and curves by name"),
     ],
 )  # fmt: skip
 def test_what_only_a_run_shows_is_said_after_the_first(

@@ -7,6 +7,7 @@ import json
 import math
 import warnings
 from pathlib import Path
+from typing import Any
 
 import carom
 import numpy as np
@@ -191,6 +192,31 @@ class TestInThisProcess:
         assert rows["outcome"].tolist() == ["done", "refused"]
         assert "friction" in rows.failures[0]["message"]
 
+    @pytest.mark.parametrize("first", [True, False])
+    @pytest.mark.parametrize(("place", "values"), [("mu", [-1.0, 0.1]), ("cue.radius", [-1.0, 0.03])])
+    def test_an_invalid_value_is_a_row_wherever_it_stands(
+        self, files: Path, place: str, values: list[float], first: bool
+    ) -> None:
+        """As the first case it stopped the study."""
+        values = values if first else values[::-1]
+        found = carom.sweep(carom.Study.of(files / "slide.toml", {place: values}), files / "out", workers=0)
+        assert found["outcome"].tolist() == (["refused", "done"] if first else ["done", "refused"])
+        with pytest.raises(carom.CaromError, match="must be zero or positive, found -1"):
+            carom.Study.of(files / "slide.toml", {"mu": [-1.0, -2.0]})  # wrong in every case
+
+    def test_a_parameter_that_does_nothing_is_refused(self, files: Path) -> None:
+        """The study set what the parameter would; the column stood there beside results that knew nothing of it."""
+        of = carom.Study.of
+        with pytest.raises(carom.CaromError, match=r"parameters.mu does nothing: .*ball/ball.friction"):
+            of(files / "slide.toml", {"mu": [0.1], "ball/ball.friction": [0.2]})
+        with pytest.raises(carom.CaromError, match=r"parameters.v does nothing: .*cue.velocity.x"):
+            of(files / "slide.toml", {"v": [0.1], "s": [1.0]}, set={"cue.velocity.x": "= s"})
+        with pytest.raises(carom.CaromError, match=r"run.step: the study gives run.step twice"):
+            of(files / "slide.toml", {"step": [1e-3], "run.step": [1e-3]})
+        with pytest.raises(carom.CaromError, match=r"run.step: the study gives it twice, fixed and varied"):
+            of(files / "slide.toml", {"run.step": [1e-3]}, step=1e-4)
+        assert of(files / "slide.toml", {"v": [0.1], "cue.velocity.y": [0.2]}).cases == 1
+
     def test_run_directories_are_kept_continued_and_measured(self, files: Path) -> None:
         def travelled(result: carom.Result) -> dict[str, float]:
             return {"travelled": float(result["cue"].position[-1, 0])}
@@ -213,6 +239,20 @@ class TestInThisProcess:
         assert np.array_equal(again["travelled"], found["travelled"])
         assert again["carom"].tolist() == [carom.__version__, "0.0.9"]
         assert again["build"].tolist() == [found["build"][0], "ef" * 20]
+
+    @pytest.mark.parametrize(
+        ("returned", "words"),
+        [
+            (3, "measure: it returned 3; return numbers by name, as {'height': 0.1}"),
+            ({"z": "text"}, "measure: z is 'text', not a number; return numbers by name"),
+        ],
+    )
+    def test_what_a_measure_returns_wrongly_is_said_in_words(
+        self, files: Path, returned: Any, words: str
+    ) -> None:
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0]}, measure=lambda result: returned)
+        [failure] = carom.sweep(study, files / "out", workers=0).failures
+        assert (failure["outcome"], failure["message"]) == ("measure_failed", words)
 
     def test_a_run_that_fails_when_it_is_continued_is_not_computed_anew(
         self, files: Path, monkeypatch: pytest.MonkeyPatch

@@ -93,7 +93,13 @@ class Measured:
 
     def __call__(self, result: Result) -> dict[str, float]:
         """Numbers by the names of their columns."""
-        given: dict[str, Any] = dict(self.function(result)) if self.function is not None else {}
+        returned = self.function(result) if self.function is not None else {}
+        try:
+            given: dict[str, Any] = dict(returned)
+        except (TypeError, ValueError):
+            raise CaromError(
+                f"it returned {returned!r:.80}; return numbers and curves by name, as {{'height': 0.1}}"
+            ) from None
         found = {name: float(value) for name, value in given.items() if np.ndim(value) == 0}
         for quantity, times in self.curves:
             t, values = _curve(result, quantity, given)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from carom.arrays import Array
+from carom.arrays import F64, Array
 from carom.errors import CaromError, ScenarioError
 from carom.many.batch import simulate_batch
 from carom.many.batch_result import KINEMATICS
@@ -103,13 +103,23 @@ def _batch(study: Study, cases: range) -> list[Columns]:
         values = targets.values(targets.of_arrays, cases)
     except CaromError:  # an expression has no value at one of them
         return [_one(study, case) for case in cases]
-    return [_chosen(study, simulate_batch(targets.base, values, threads=1).columns())]
+    return [_chosen(study, _computed(targets.base, values))]
+
+
+def _computed(scenes: Scene | Sequence[Scene], values: Mapping[str, F64] | None = None) -> Columns:
+    """The columns of a batch; what the core refuses is called as what a scenario refuses."""
+    columns = simulate_batch(scenes, values, threads=1).columns()
+    outcome = columns["outcome"]
+    columns["outcome"] = np.where(np.isin(outcome, ("bad_scene", "bad_model")), "refused", outcome).astype(
+        object
+    )
+    return columns
 
 
 def _one(study: Study, case: int) -> Columns:
     """A case with a scene of its own."""
     try:
-        return _chosen(study, simulate_batch([study.targeting.scene(case)], threads=1).columns())
+        return _chosen(study, _computed([study.targeting.scene(case)]))
     except CaromError as error:
         return _refused(error)
 
@@ -171,7 +181,19 @@ def _measured(study: Study, result: Result, taken: Set[str]) -> Columns:
     """What the study measures, in columns of its own: none of those `taken`."""
     assert study.measure is not None
     try:
-        found = {str(name): np.array([float(value)]) for name, value in dict(study.measure(result)).items()}
+        given = study.measure(result)
+        try:
+            pairs = dict(given)
+        except (TypeError, ValueError):
+            return _not_measured(f"it returned {given!r:.80}; return numbers by name, as {{'height': 0.1}}")
+        found = {}
+        for name, value in pairs.items():
+            try:
+                found[str(name)] = np.array([float(value)])
+            except (TypeError, ValueError):
+                return _not_measured(f"{name} is {value!r:.80}, not a number; return numbers by name")
+    except CaromError as error:
+        return _not_measured(str(error))
     except Exception as error:  # the user's own code: its mistake is that of one case
         return _not_measured(f"{type(error).__name__}: {error}")
     if clash := sorted(taken & set(found)):

@@ -8,7 +8,7 @@ next to nothing per case (`carom.many.cases`); for the other two the scene is bu
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -19,6 +19,7 @@ import numpy as np
 from carom._core import Expression, ExpressionError
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, quoted
+from carom.many.batch_result import KINEMATICS
 from carom.many.cases import Overrides, refuse_numbers
 from carom.scene.scene import Scene
 from carom.scene.tables import parameters
@@ -29,6 +30,12 @@ from carom.scene.toml.load import parse
 RUN = "options of the study"
 #: The same of options that vary from case to case.
 VARIED = "parameters of the study"
+
+
+#: Cases, spread over a study, of which one must be possible. More: what is wrong with all cases takes longer to be said.
+MOST_TRIED = 50
+#: Relative change (1) of a parameter by which it is seen what it sets.
+NUDGE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,10 @@ class Targets:
         sorted_: tuple[dict[str, str], ...] = ({}, {}, {})
         for key, expression in {**rest, **given}.items():
             kind = 0 if key in known else 1 if _option(key, options) else 2
-            sorted_[kind][key.removeprefix("run.").removeprefix("record.") if kind == 1 else key] = expression
+            place = key.removeprefix("run.").removeprefix("record.") if kind == 1 else key
+            if kind == 1 and place in sorted_[1]:
+                raise CaromError(f"{key}: the study gives run.{place} twice; leave out one of the two")
+            sorted_[kind][place] = expression
         return cls(text, source, folder, case, run, points, base, *sorted_)
 
     @property
@@ -90,19 +100,67 @@ class Targets:
         return {"file": dict(self.of_file), "run": dict(self.of_run), "arrays": dict(self.of_arrays)}
 
     def check(self) -> None:
-        """Build the first case, so that what is wrong with all of them is said before anything is computed."""
+        """Refuse names and places that are wrong, and what is wrong with all cases, before anything is computed.
+
+        An invalid value of one case is a row of its own, whichever case it is. So one case that can be built is enough.
+        """
         if self.of_arrays:
             try:
-                Overrides(self.base, self.values(self.of_arrays, range(1)))
+                Overrides(self.base, {key: np.ones(1) for key in self.of_arrays})
             except CaromError as error:
                 told = str(error).removeprefix("simulate_batch: ")
                 raise CaromError(f"set: {told}") from error
-        scene = self.scene(0)
-        if scene.run.until is None:
+        for key in self.of_run:
+            if key in self.run:
+                raise CaromError(
+                    f"run.{key}: the study gives it twice, fixed and varied; leave out one of the two"
+                )
+        if self.base.run.until is None and "until" not in self.of_run:
             raise CaromError(
                 "the scenario does not say how long to simulate; write until = TIME below [run] of the study"
             )
-        scene.validate()
+        cases = len(next(iter(self.points.values())))
+        first: CaromError | None = None
+        for case in np.unique(np.linspace(0, cases - 1, min(cases, MOST_TRIED)).astype(int)):
+            try:
+                self.scene(int(case)).validate()
+            except CaromError as error:
+                first = first or error
+            else:
+                self._check_effects(int(case))
+                return
+        if first is not None:
+            raise first
+
+    def _check_effects(self, case: int) -> None:
+        """Refuse parameters of the file that do nothing, since the study itself sets all that the file uses them for."""
+        if not (self.of_arrays or self.of_run or self.run):
+            return
+        fixed = {_sorted(key) for key in self.of_arrays}
+        for name in self.of_file:
+            changed = self._changed_by(name, case)
+            if changed is None or changed - fixed:
+                continue
+            by = sorted(changed) or [f"run.{key}" for key in sorted({*self.run, *self.of_run})]
+            what = "parameters" if name in self.points else "set"
+            raise CaromError(
+                f"{what}.{name} does nothing: the study sets what {self.source} uses it for ({', '.join(by)}); leave out"
+                " one of the two"
+            )
+
+    def _changed_by(self, name: str, case: int) -> set[str] | None:
+        """Balls' and laws' numbers that a parameter of the file changes; None: it changes others too, or that is unknown."""
+        given = {key: float(v[0]) for key, v in self.values(self.of_file, range(case, case + 1)).items()}
+        here = self._of_parameters(given, case)._tree.model_dump()
+        for other in (given[name] * (1.0 + NUDGE) or NUDGE, given[name] + 1.0):
+            try:
+                there = self._of_parameters({**given, name: other}, case)._tree.model_dump()
+            except CaromError:  # the file refuses the value, so it uses it
+                return None
+            if paths := list(_differing(here, there)):
+                places = [_place(path, here) for path in paths]
+                return None if None in places else {place for place in places if place is not None}
+        return set()
 
     def values(self, expressions: Mapping[str, str], cases: range) -> dict[str, F64]:
         """Values of expressions at some points, (cases,) each."""
@@ -149,9 +207,14 @@ class Targets:
         if self.fast:
             return self.base
         one = range(case, case + 1)
-        parameters = {key: float(values[0]) for key, values in self.values(self.of_file, one).items()}
+        return self._of_parameters(
+            {key: float(values[0]) for key, values in self.values(self.of_file, one).items()}, case
+        )
+
+    def _of_parameters(self, parameters: Mapping[str, float], case: int) -> Scene:
+        """The scene of the file with these values, and with the options of a case."""
         scene = Scene._of(*parse(self.text, self.source, self.case, parameters, self.folder))
-        varied = {k: _whole(float(v[0])) for k, v in self.values(self.of_run, one).items()}
+        varied = {k: _whole(float(v[0])) for k, v in self.values(self.of_run, range(case, case + 1)).items()}
         places = {**dict.fromkeys(self.run, RUN), **dict.fromkeys(varied, VARIED)}
         return scene.overridden({**self.run, **varied}, places) if places else scene
 
@@ -199,3 +262,34 @@ def _variables(text: str, points: Mapping[str, F64]) -> list[str]:
                 f"set: unknown name {name} in {quoted(text)}; {did_you_mean(name, list(points))}"
             )
     return names
+
+
+def _differing(a: Any, b: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Where two trees of tables differ."""
+    if isinstance(a, dict) and isinstance(b, dict) and a.keys() == b.keys():
+        for key in a:
+            yield from _differing(a[key], b[key], (*path, key))
+    elif isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)) and len(a) == len(b):
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            yield from _differing(x, y, (*path, k))
+    elif a is not b and a != b:
+        yield path
+
+
+def _place(path: tuple[Any, ...], tree: Mapping[str, Any]) -> str | None:
+    """What `[set]` calls a number of a ball or a contact law; None for others."""
+    match path:
+        case ("contact", int(k), str(quantity)):
+            return _sorted(f"{'/'.join(tree['contact'][k]['between'])}.{quantity}")
+        case ("sphere", int(k), str(quantity)):
+            return f"{tree['sphere'][k]['name']}.{quantity}"
+        case ("sphere", int(k), str(quantity), int(axis)) if quantity in KINEMATICS:
+            letters = "wxyz" if quantity == "orientation" else "xyz"
+            return f"{tree['sphere'][k]['name']}.{quantity}.{letters[axis]}"
+    return None
+
+
+def _sorted(key: str) -> str:
+    """A key of a contact law with its materials in one order; others as they are."""
+    owner, _, quantity = key.rpartition(".")
+    return f"{'/'.join(sorted(owner.split('/')))}.{quantity}"
