@@ -23,6 +23,10 @@ DONE, CRASH, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 TRACEBACK = "CAROM_TRACEBACK"
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, with the line that the command says of it."""
+
+
 def guarded(command: Callable[P, int | None]) -> Callable[P, None]:
     """A command whose errors become one line on standard error and an exit code; it may return its exit code."""
 
@@ -43,8 +47,9 @@ def _run(command: Callable[P, int | None], *args: P.args, **kwargs: P.kwargs) ->
     as_json = bool(kwargs.get("as_json"))
     try:
         code = command(*args, **kwargs) or DONE
-    except KeyboardInterrupt:
-        code = fail("interrupted", INTERRUPTED, as_json)
+    except KeyboardInterrupt as error:
+        told = str(error) if isinstance(error, Interrupted) else "interrupted"
+        code = fail(told, INTERRUPTED, as_json)
     except Unwritable:
         raise
     except (ValueError, OSError, MemoryError) as error:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from carom.cli.output import note
+from carom.cli.output import Interrupted, note
 from carom.cli.process import bare
 
 if TYPE_CHECKING:
@@ -72,9 +72,8 @@ def going_on(bar: LineBar | None, kept: str) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
             yield
-    except KeyboardInterrupt:
-        note(f"interrupted; {kept}, and the same command goes on from there")
-        raise
+    except KeyboardInterrupt as error:
+        raise Interrupted(f"interrupted; {kept}, and the same command goes on from there") from error
     finally:
         if bar is not None:
             bar.stop()

@@ -18,6 +18,7 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
+from multiprocessing import resource_tracker  # noqa: TID251 nothing is started but what dask starts anyway
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             stack.enter_context(config.set(settings))
             # Dask cannot end workers that only begin: a signal waits until they have.
             halt = Interrupt()
-            with halt.listening(signal.SIGINT, signal.SIGTERM):
+            with halt.listening(signal.SIGINT, signal.SIGTERM), _deaf_children():
                 cluster = _started(
                     partial(
                         distributed.LocalCluster, n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
@@ -113,6 +114,24 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             f" and workers with `dask worker {scheduler}`",
         )
         yield stack.enter_context(client)
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """What is started in the block never hears Ctrl-C, nor do the processes that it starts later.
+
+    A terminal sends Ctrl-C to all processes of a command. Workers would end with a traceback each; they end with this one.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    # Where it starts this helper process, Python 3.11 lets its thread hear again what was blocked there.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _started(start: Callable[[], Any], remark: str, refusal: str) -> Any:
