@@ -236,6 +236,7 @@ def test_a_method_that_is_left_out_is_named() -> None:
     assert "penalty" not in [run.name for run in found]
     assert "penalty is left out" in found.remarks[0]
     assert "penalty is left out" in str(found)
+    assert found.remarks[1] == "events is left out: it takes fewer scenes and is named, as nsga,events"
     assert found.to_dict()["remarks"] == list(found.remarks)
     code, out, err = command(str(path), "--until", "0.01")
     assert code == 0

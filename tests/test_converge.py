@@ -315,6 +315,11 @@ def test_command_prints_a_table_and_draws(scenario: str, tmp_path: Path) -> None
     head, *rows = (tmp_path / "order.csv").read_text(encoding="utf-8").splitlines()
     assert head == "h (s),error of velocity (1)"
     assert len(rows) == 3
+    again = [scenario, "--steps", "4e-3,2e-3", "--reference", "1e-4", "--plot"]
+    for taken in ("order.svg", "order.csv"):
+        code, _, err = command(*again, str((tmp_path / taken).with_suffix(".svg")))
+        assert (code, f"{taken} exists already; give --force" in err) == (2, True)
+        (tmp_path / "order.svg").unlink(missing_ok=True)  # its numbers alone are left
 
 
 def test_command_refuses_what_it_cannot_do(scenario: str) -> None:
@@ -322,6 +327,7 @@ def test_command_refuses_what_it_cannot_do(scenario: str) -> None:
         (["--steps", "1e-3,x", "--reference", "1e-4"], "not a number"),
         (["--steps", "1e-3,5e-4", "--reference", "1e-4", "--plot", "a.gif"], "ends in .png"),
         (["--steps", "1e-3,5e-4", "--reference", "3e-4"], "must divide"),
+        (["--steps", "1e-3,5e-4", "--reference", "1e-4", "--set", "run.step=1e-3"], "those of --steps"),
         (["--steps", "1e-3,5e-4"], "--reference"),
     ):
         code, out, err = command(scenario, *arguments)

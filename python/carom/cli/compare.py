@@ -16,7 +16,7 @@ from carom.cli.options import (
     listed,
     numbers,
     option,
-    refuse_format,
+    refuse_figure,
     scene,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
@@ -34,7 +34,7 @@ def compare(
             "--methods",
             "A,B",
             "Methods; the first is the reference. Options follow a plus sign: moreau+projection, nsga+one-shot."
-            " Default: all.",
+            " Default: all but events.",
         ),
     ] = None,
     laws: Annotated[
@@ -57,7 +57,7 @@ def compare(
     out: Annotated[
         Path | None, option("-o", "--out", "DIR", "Save the runs in DIR. Default: save nothing.")
     ] = None,
-    force: Annotated[bool, option("--force", "Replace the runs in DIR.")] = False,
+    force: Annotated[bool, option("--force", "Replace the runs in DIR, and the files of --plot.")] = False,
     quiet: Annotated[
         bool, option("--quiet", "-q", "Print the table only, without progress bar and notes.")
     ] = False,
@@ -70,7 +70,7 @@ def compare(
     from carom.many.compare import compare as compare_methods
     from carom.show.plot.comparison import beside
 
-    refuse_format(plot)
+    refuse_figure(plot, force)
     described = scene(scenario, case, set_, until)
     for advice in described.validate():
         note(f"warning: {advice}")

@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from carom.cli.options import (
     Case,
+    Force,
     Json,
     Scenario,
     Set,
@@ -16,8 +19,9 @@ from carom.cli.options import (
     number,
     numbers,
     option,
-    refuse_format,
+    refuse_figure,
     scene,
+    settings,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.many.sheets import of_convergence
@@ -60,6 +64,7 @@ def converge(
         Path | None,
         option("--plot", "FILE", "Also draw the errors: .png, .svg or .pdf, with the numbers as CSV."),
     ] = None,
+    force: Force = False,
     threads: Annotated[
         int | None, option("--threads", "N", "Runs at once. Default: one per processor.", min=1)
     ] = None,
@@ -77,8 +82,10 @@ def converge(
     from carom.many.converge import converge as study_of
     from carom.show.plot.convergence import convergence
 
+    if "step" in settings(set_ or []):
+        raise typer.BadParameter("--set step: the steps are those of --steps; leave it out")
     described = scene(scenario, case, set_, until)
-    refuse_format(plot)
+    refuse_figure(plot, force)
     fine = number(reference)
     found = study_of(
         described,

@@ -190,12 +190,24 @@ def number(text: str | None) -> Any:
         return text
 
 
-def refuse_format(plot: Path | None) -> None:
-    """Refuses a figure whose name ends in no known format."""
+Force = Annotated[bool, option("--force", "Replace files that are there.")]
+
+
+def refuse_existing(name: str, path: Path | None, force: bool) -> None:
+    """Refuses to write what is there already, before anything is computed. `name` is the option that names the file."""
+    if path is not None and not force and path.exists() and not path.is_dir():
+        raise CaromError(f"{name}: {path} exists already; give --force to replace it, or another name")
+
+
+def refuse_figure(plot: Path | None, force: bool) -> None:
+    """Refuses a figure whose name ends in no known format, and one that is there, as are its numbers beside it."""
     from carom.show.plot import FORMATS
 
     if plot is not None and plot.suffix.removeprefix(".") not in FORMATS:
         raise typer.BadParameter(f"--plot {plot}: give a name that ends in .{', .'.join(FORMATS)}")
+    if plot is not None:
+        for path in (plot, plot.with_suffix(".csv")):
+            refuse_existing("--plot", path, force)
 
 
 def drawn(chart: Callable[[Any], Chart], found: Any, plot: Path | None) -> list[str]:

@@ -186,10 +186,14 @@ def default_methods() -> list[str]:
 def _able(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
     """The default methods that can take the scene, and what is to be said of the others: contact forces know no joints."""
     names = default_methods()
+    told = f"events is left out: it takes fewer scenes and is named, as {scene.run.method},events"
+    if scene.run.method == "events":
+        told = "events is left out: it takes fewer scenes and is named, as events,nsga"
     if "penalty" not in names or not scene.to_model().get("joints"):
-        return names, ()
+        return names, (told,)
     names.remove("penalty")
-    return names, ("penalty is left out: the scene has joints, and the method of contact forces knows none",)
+    no_joints = "penalty is left out: the scene has joints, and the method of contact forces knows none"
+    return names, (no_joints, told)
 
 
 def method_options(name: str) -> dict[str, Any]:
@@ -230,9 +234,9 @@ def compare(
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
     With `laws` impact laws are compared by the scene's own method: "all", or names such as `("sequence", "poisson")`.
-    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all that can take the scene. `at`
-    are times (s, on the grid of the steps) that are compared besides the end. `case` and `parameters` choose a variant of
-    a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
+    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all but "events" that can take the scene.
+    `at` are times (s, on the grid of the steps) that are compared besides the end. `case` and `parameters` choose a variant
+    of a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
     `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end is
     no error here: its `outcome` says so.
     """
