@@ -221,6 +221,10 @@ def test_an_existing_run_is_refused(runs: Path) -> None:
         (["converge", "three_balls.toml", "--reference", "1e-5", "--steps", ","], "--steps: ',' names"),
         (["view", "absent"], "absent: no such run directory"),
         (["view", "runs/three_balls-1", "-o", "three_balls.toml/x.html"], "three_balls.toml"),
+        (
+            ["view", "runs/three_balls-1", "-o", "three_balls.toml"],
+            "three_balls.toml exists already; give --force",
+        ),
         (["view", "runs/three_balls-1", "-o", "runs"], "runs is a directory; name a file, as runs/view.html"),
         (["view", "runs/three_balls-1", "--max-mb", "0.65"], "give --max-mb (max_mb in Python) at least 0."),
         (["view", "runs/three_balls-1", "-o", "three_balls.toml/x"], "a part of the path is a file"),

@@ -190,6 +190,12 @@ def test_the_solution_of_one_file_is_written(folder: Path) -> None:
     with h5py.File(folder / "kept" / "s.hdf5") as file:
         r = file["solution/r"][()]
     assert ContactProblem.from_fclib(folder / "c.hdf5").residual(r).err < 1e-8
+    before = (folder / "a.hdf5").read_bytes()
+    taken = cli("solve", folder / "c.hdf5", "--solution", folder / "a.hdf5", code=2)
+    assert "a.hdf5 exists already; give --force to replace it, or another name" in taken.stderr
+    assert (folder / "a.hdf5").read_bytes() == before
+    cli("solve", folder / "c.hdf5", "--solution", folder / "kept" / "s.hdf5", "--force")
+    assert "nothing is drawn without -o" in cli("solve", folder / "c.hdf5", "--format", "svg", code=2).stderr
     assert "one file and one solver" in cli("solve", folder, "--solution", "s.h5", code=2).stderr
     refused = cli("solve", folder / "a.hdf5", "--solution", folder / "a.hdf5" / "s.h5", code=2)
     assert "cannot write" in refused.stderr
@@ -298,8 +304,10 @@ def test_files_that_are_none_are_refused_in_one_line(folder: Path) -> None:
     with h5py.File(folder / "other.hdf5", "w") as file:
         file["frames"] = np.zeros(3)
     one_line(cli("solve", folder / "other.hdf5", code=2), "no contact problem (there is frames)")
-    heavy = GlobalProblem(M=np.diag([1.0, 0.0, 1.0]), H=np.eye(3), f=np.ones(3), w=np.ones(3), mu=[0.3])
+    heavy = GlobalProblem(M=np.diag([1.0, 2.0, 1.0]), H=np.eye(3), f=np.ones(3), w=np.ones(3), mu=[0.3])
     write_fclib(heavy, folder / "massless.hdf5")
+    with h5py.File(folder / "massless.hdf5", "r+") as file:
+        file["fclib_global/M/x"][1] = 0.0
     one_line(cli("solve", folder / "massless.hdf5", code=2), "M: singular in row 1 (from 0)")
 
 

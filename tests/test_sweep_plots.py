@@ -69,6 +69,9 @@ def test_the_command_says_what_failed_and_draws(files: Path) -> None:
         [*arguments, "--json", "--columns", "cue.position.y,seconds", "--csv", str(files / "table.csv")],
     )
     facts = json.loads(again.stdout)
+    taken = CliRunner().invoke(app, [*arguments, "--csv", str(files / "table.csv")])
+    assert taken.exit_code == 2
+    assert "table.csv exists already; give --force" in taken.stderr
     assert (facts["new"], facts["done"], facts["failed"], facts["missing"]) == (0, 8, 8, 0)
     assert facts["files"][0] == str(files / "table.csv")
     assert len((files / "table.csv").read_text().splitlines()) == 17

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet, figure_formats, listed, option
+from carom.cli.options import Force, Json, Quiet, figure_formats, listed, option, refuse_existing
 from carom.cli.output import (
     BAD_INPUT,
     DONE,
@@ -72,6 +72,7 @@ def solve(
         Path | None,
         option("--solution", "HDF5", "Save the problem with its solution r, u (one file, one solver)."),
     ] = None,
+    force: Force = False,
     out: Annotated[
         Path | None,
         option(
@@ -79,8 +80,11 @@ def solve(
         ),
     ] = None,
     format_: Annotated[
-        str, option("--format", "FORMAT", "Formats of the profiles: png, svg, pdf; several with commas.")
-    ] = "png",
+        str | None,
+        option(
+            "--format", "FORMAT", "Formats of the profiles: png (default), svg, pdf; several with commas."
+        ),
+    ] = None,
     explain: Annotated[
         bool, option("--explain", "Print the rule of auto, and why it used each stage.")
     ] = False,
@@ -107,7 +111,10 @@ def solve(
             raise typer.BadParameter("give a file to solve, or --explain for the rule of auto")
         _show({"rule": rule}, [], rule, quiet=quiet, as_json=as_json)
         return DONE
-    formats = _formats(format_) if out is not None else []
+    if format_ is not None and out is None:
+        raise typer.BadParameter("--format: nothing is drawn without -o DIR; add it, or leave --format out")
+    formats = _formats(format_ or "png") if out is not None else []
+    refuse_existing("--solution", solution, force)
     paths = list(dict.fromkeys(path for given in files for path in _expanded(given)))
     if solution is not None and (len(paths), len(names)) != (1, 1):
         raise typer.BadParameter("--solution takes the r of one file and one solver; give one of each")

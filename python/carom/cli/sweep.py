@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Json, Quiet, listed, option
+from carom.cli.options import Force, Json, Quiet, listed, option, refuse_existing
 from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded
 from carom.cli.progress import LineBar, going_on, left
 from carom.errors import CaromError, counted
@@ -60,6 +60,7 @@ def sweep(
     plots: Plots = None,
     columns: Annotated[str | None, option("--columns", "A,B", "Columns for the figures and --csv.")] = None,
     csv: Annotated[Path | None, option("--csv", "FILE", "Also write the table as CSV.")] = None,
+    force: Force = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
@@ -72,6 +73,7 @@ def sweep(
     from carom.many.sweep import Study
     from carom.many.sweep import sweep as compute
 
+    refuse_existing("--csv", csv, force)
     described = Study.from_toml(study, function(measure))
     folder = out or Path("sweeps") / study.stem
     bar = _Bar() if not (quiet or as_json) else None

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from carom.cli.options import Json, Run, loaded, option
+from carom.cli.options import Force, Json, Run, loaded, option, refuse_existing
 from carom.cli.output import emit, guarded
 
 
@@ -15,6 +15,7 @@ from carom.cli.output import emit, guarded
 def view(
     run: Run,
     out: Annotated[Path | None, option("-o", "--out", "FILE", "Output file. Default: RUN/view.html.")] = None,
+    force: Force = False,
     max_mb: Annotated[
         float | None,
         option("--max-mb", "MB", "Largest page; longer runs keep fewer frames. Default: 100."),
@@ -37,6 +38,7 @@ def view(
     if live:
         of_pages = {
             "--out": out is not None,
+            "--force": force,
             "--max-mb": max_mb is not None,
             "--open": open_,
             "--json": as_json,
@@ -49,6 +51,7 @@ def view(
         return
     if port is not None:
         raise typer.BadParameter("--port: a page has no port; add --live to serve the run")
+    refuse_existing("--out", out, force)
     result = loaded(run)
     size = 100.0 if max_mb is None else max_mb
     info = result.view(out, open_browser=open_, title=result.title or None, max_mb=size)
