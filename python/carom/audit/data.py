@@ -23,7 +23,7 @@ from carom.audit.lattice import Lattice
 from carom.audit.meshes import Parts
 from carom.audit.report import Place
 from carom.audit.surfaces import Surface
-from carom.audit.vectors import norm
+from carom.audit.vectors import UP, direction, norm
 from carom.result.record import Segments, clumps
 from carom.result.record.walls import tables
 from carom.result.tables import Table
@@ -388,7 +388,7 @@ class Run:
         distance = norm(d)
         other = self.reach[np.minimum(b, self.bodies)]
         gap = distance - self.radius[a] - other
-        normal = np.divide(d, distance[:, None], out=np.zeros_like(d), where=distance[:, None] > 0)
+        normal = direction(d, UP)
         for w, wall in enumerate(self.walls):
             rows = np.flatnonzero(b == self.bodies + w)
             gap[rows], normal[rows] = wall.meet(time[rows], x[rows], self.radius[a[rows]])

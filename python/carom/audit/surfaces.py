@@ -14,13 +14,15 @@ import numpy as np
 
 from carom.arrays import F64, Bool
 from carom.audit.formula import law
-from carom.audit.vectors import dot, norm, rotated, unit
+from carom.audit.vectors import EPS, UP, direction, dot, norm, rotated, unit
 from carom.scene.assembly.triangles import Triangles
 
 GONE = 1e-9
 """Relative to the time at which a wall is taken away: times of frames are rounded."""
 ON_TIME = 1e-6
 """A wall is taken away with a step that begins by this share of itself before its time."""
+ROUNDING = 8.0 * EPS
+"""Below this share of its height along an axis a distance from that is rounding, without a direction."""
 
 
 class Surface:
@@ -199,7 +201,10 @@ class Surface:
         along = away @ axis
         across = away - np.outer(along, axis)
         radial = np.linalg.norm(across, axis=1)
-        return along, radial, unit(across)
+        # On the axis any direction across it will do: of none the nearest point would lie on the axis, in the opening.
+        off = radial > ROUNDING * np.abs(along)
+        outward = unit(across) - np.outer(unit(across) @ axis, axis)
+        return along, np.where(off, radial, 0.0), np.where(off[:, None], unit(outward), _across(axis))
 
     def _meet(self, away: F64, radius: F64) -> tuple[F64, F64]:
         if self.kind == "plane":
@@ -214,7 +219,7 @@ class Surface:
         if self.kind == "sphere":
             size, inside = self.parameters
             sign = -1.0 if inside else 1.0
-            return sign * (np.linalg.norm(away, axis=1) - size) - radius, sign * unit(away)
+            return sign * (np.linalg.norm(away, axis=1) - size) - radius, sign * direction(away, UP)
         if self.kind == "rectangle":
             normal, side, size = self.parameters
             across = np.cross(normal, side)
@@ -228,7 +233,7 @@ class Surface:
         if self.kind == "disc":
             near = np.clip(radial, self.parameters[2], self.parameters[1])[:, None] * outward
             within = (radial <= self.parameters[1]) & (radial >= self.parameters[2])
-            return _from(away - near, np.broadcast_to(axis, away.shape), along, radius, within)
+            return _from(away - near, np.broadcast_to(axis, away.shape), along, radius, within, axis)
         if self.kind == "cylinder" and math.isinf(float(self.parameters[2])):
             sign = -1.0 if self.parameters[3] else 1.0
             return sign * (radial - self.parameters[1]) - radius, sign * outward
@@ -239,11 +244,21 @@ class Surface:
         place = np.clip(where, 0.0, length)
         near = np.outer(u0 + place * du / length, axis) + (v0 + place * dv / length)[:, None] * outward
         face = sign * (du * outward - np.outer(np.full(len(u), dv), axis)) / length
-        return _from(away - near, face, sign * (v * du - u * dv) / length, radius, within)
+        return _from(away - near, face, sign * (v * du - u * dv) / length, radius, within, axis)
 
 
-def _from(arm: F64, face: F64, height: F64, radius: F64, within: Bool) -> tuple[F64, F64]:
-    """Gap and normal from the arm of the nearest point: within the outline the height counts, at edges the distance."""
+def _across(axis: F64) -> F64:
+    """Of a unit vector one across it: that which the core takes."""
+    x, y, z = axis
+    sign = math.copysign(1.0, z)
+    share = -1.0 / (sign + z)
+    return np.array([x * y * share, sign + y * y * share, -y])
+
+
+def _from(arm: F64, face: F64, height: F64, radius: F64, within: Bool, rim: F64 = UP) -> tuple[F64, F64]:
+    """Gap and normal from the arm of the nearest point: within the outline the height counts, at edges the distance; the
+    normal of a centre on the `rim` itself.
+    """
     gap = np.where(within, np.abs(height), norm(arm)) - radius
     side = np.where(height < 0.0, -1.0, 1.0)[:, None]
-    return gap, np.where(within[:, None], side * face, unit(arm))
+    return gap, np.where(within[:, None], side * face, direction(arm, rim))

@@ -11,6 +11,7 @@ import numpy as np
 from carom.arrays import F64, I64
 
 EPS = float(np.finfo(np.float64).eps)
+UP = np.array([0.0, 0.0, 1.0])
 
 
 def dot(a: F64, b: F64) -> F64:
@@ -44,6 +45,12 @@ def unit(a: F64) -> F64:
     """Directions; of a null vector a null vector."""
     length = norm(a)[..., None]
     return np.divide(a, length, out=np.zeros_like(a), where=length > 0.0)
+
+
+def direction(a: F64, otherwise: F64) -> F64:
+    """Directions; of null vectors another one, as the core has one of bodies with the same centre."""
+    length = norm(a)[..., None]
+    return np.divide(a, length, out=np.array(np.broadcast_to(otherwise, a.shape)), where=length > 0.0)
 
 
 def across(a: F64, normal: F64) -> F64:
