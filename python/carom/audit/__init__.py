@@ -21,6 +21,7 @@ from carom.audit import (
     gaps,
     impacts,
     joints,
+    kinds,
     motion,
     references,
     tables,
@@ -55,7 +56,7 @@ def check(run: Result | str | Path) -> Report:
             f"{evidence.result.title!r}: what is recorded begins with a state that was restored, at step {restored}, and may"
             " differ from that of the scene, by which it is judged: give velocities in the scene, or do not restore"
         )
-    tally = Tally()
+    tally = Tally(kinds.of_law(evidence.impact_law.restitution))
     with np.errstate(invalid="ignore", over="ignore"):  # NaNs of damaged files are findings, not accidents
         _judge(evidence, tally)
         if evidence.unseen:

@@ -35,6 +35,10 @@ UNIQUE = 1e7
 EDGE = 1e-6
 
 
+#: From how many places a second solution is looked for, and how far it is from the first one over the largest impulse.
+PLACES, APART = 12, 1e-4
+
+
 Causes = Iterable[tuple[Bool, str]]
 
 
@@ -54,10 +58,18 @@ class Compression(NamedTuple):
 
 
 def of_rows(
-    run: Run, r: Hits, group: I64, lever: F64, motion: tuple[F64, F64], mu: F64, causes: Causes
+    run: Run,
+    r: Hits,
+    group: I64,
+    lever: F64,
+    motion: tuple[F64, F64],
+    mu: F64,
+    causes: Causes,
+    doubted: Bool,
 ) -> Compression:
     """`lever` (K, 3) of the rows, `motion` their normal and slip velocities before the step; `causes` why nothing is
-    known of groups with some rows (K,).
+    known of groups with some rows (K,). In groups with `doubted` rows (K,) nothing is known either where another solution
+    is found (`_several`).
     """
     many, index = len(run.names), run.law_index(r.a, r.b)
     _, first, contact = np.unique((r.k * many + r.a) * many + r.b, return_index=True, return_inverse=True)
@@ -79,8 +91,14 @@ def of_rows(
         across = ways[:, 1:]
         z = np.column_stack([approach[rows], np.einsum("ktx,kx->kt", across, slip[rows])])
         # Of several solutions that near to what the first problem had, which differs by the loads.
-        begin = np.einsum("kwx,kx->kw", ways, _first(r, contact, rows))
-        solved = solve((gradient * inverse) @ gradient.T, z.ravel(), mu[rows], begin)
+        begin = np.einsum("kwx,kx->kw", ways, _given(r, contact, rows, 1))
+        stated = (gradient * inverse) @ gradient.T, z.ravel(), mu[rows]
+        solved = solve(*stated, begin)
+        if solved is not None and doubted[rows].any():
+            given = np.einsum("kwx,kx->kw", ways, _given(r, contact, rows, 2))
+            e = run.restitution(index[rows], solved[0][:, 0] * np.diag(stated[0])[::3])
+            told = np.divide(given, e[:, None], out=np.zeros_like(given), where=e[:, None] > 0.0)
+            solved = None if _several(stated, solved[0], told) else solved
         if solved is None:
             unknown[rows] = "groups whose impulses of compression are not unique, or were not found"
         else:
@@ -111,9 +129,9 @@ def _rows(run: Run, r: Hits, lever: F64) -> tuple[F64, F64, F64]:
     return ways, gradient.reshape(3 * len(r), -1), inverse
 
 
-def _first(r: Hits, contact: I64, rows: I64) -> F64:
-    """(n, 3) impulses in the first problem of the contacts that begin with these rows."""
-    found, mine = np.zeros((len(rows), 3)), np.flatnonzero(r.problem == 1)
+def _given(r: Hits, contact: I64, rows: I64, problem: int) -> F64:
+    """(n, 3) impulses in a problem of the contacts that begin with these rows."""
+    found, mine = np.zeros((len(rows), 3)), np.flatnonzero(r.problem == problem)
     at = np.searchsorted(contact[rows], contact[mine])
     here = contact[rows][np.minimum(at, len(rows) - 1)] == contact[mine]
     found[at[here]] = r.impulse[mine[here]]
@@ -131,6 +149,25 @@ def solve(w: F64, q: F64, mu: F64, begin: F64) -> tuple[F64, float] | None:
         # From there, without what the softness has left.
         found = _solved(w, q - give * found[0].ravel(), mu, found[0].ravel(), SOFTNESS)
     return found
+
+
+def _several(stated: tuple[F64, F64, F64], one: F64, told: F64) -> bool:
+    """Whether a problem with friction, which is not convex, has a solution far from this `one`, or may have: looked for from
+    what the expansion has `told`, from nothing and from anywhere, where most searches have to end at the `one`.
+    """
+    mu, size = stated[2], float(np.abs(one).max(initial=0.0))
+    if not mu.any():
+        return False
+    rng, lost = np.random.default_rng(0), 0
+    anywhere = (rng.uniform(-1.0, 1.0, one.shape) * 2.0 * size for _ in range(PLACES - 2))
+    for begin in (told, np.zeros_like(one), *anywhere):
+        found = solve(*stated, begin)
+        if found is not None and np.abs(found[0][:, 0] - one[:, 0]).max() > APART * size:
+            return True
+        lost += found is None
+        if 2 * lost > PLACES:
+            return True
+    return False
 
 
 def _solved(w: F64, q: F64, mu: F64, begin: F64, softness: float) -> tuple[F64, float] | None:

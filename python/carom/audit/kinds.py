@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ _KINDS = (
     ),
     Kind("work", "work of a contact is its impulses by the mean velocities of each problem", "J", _ROUNDING),
     Kind("approach", "closed contacts do not go on closing", "m/s", "closing tolerance of the run (rule R3)"),
-    Kind("impact", "Newton's law: separation is e_N times approach", "m/s", f"{_SOLVER}, over the mass"),
+    Kind("impact", "the impact law of the run", "m/s", f"{_SOLVER}, over the mass"),
     Kind(
         "impact speeds",
         "recorded speeds of an impact follow from the impulses up to it",
@@ -133,3 +133,16 @@ _KINDS = (
 )
 
 KINDS: dict[str, Kind] = {kind.name: kind for kind in _KINDS}
+
+#: What `impact` says by the law of restitution of a run.
+_IMPACTS = {
+    "newton": "Newton's law: separation is e_N times approach",
+    "printed": "Newton's law as printed: separation is e_N times approach along the normal of before",
+    "poisson": "Poisson's law: expansion gives at least e_N times the impulse of compression",
+    "energetic": "impacts through springs push, stay in their cones and gain no energy",
+}
+
+
+def of_law(restitution: str) -> dict[str, Kind]:
+    """The kinds of a run with a law of restitution."""
+    return KINDS | {"impact": replace(KINDS["impact"], law=_IMPACTS[restitution])}

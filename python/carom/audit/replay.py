@@ -48,6 +48,11 @@ class Told(NamedTuple):
         """Some of them."""
         return Told(self.rows[chosen], self.value[chosen], self.bound[chosen])
 
+    @property
+    def blamed(self) -> I64:
+        """The rows that are off by more."""
+        return self.rows[~(self.value <= self.bound)]
+
 
 def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     """The impact problems of the whole steps of a block; `kept` are the rows of problem 0 whose impulses remained
@@ -62,28 +67,46 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     end = either[r.k]
     if end.any():
         end = end & (pairs(block, r, group) > block.least)
-    replay = Replay(block, r, kept, end)
-    found = replay.run_all()
-    doubt = np.zeros(block.count, dtype=bool)
-    for told in found.values():
-        doubt[r.k[told.rows[~(told.value <= told.bound)]]] = True
-    again = np.flatnonzero((doubt & either)[r.k])
-    other = Replay(block, r.of(again), kept[again], ~end[again]).run_all() if again.size else {}
+    found, pressed = _read(block, r, kept, end, np.zeros(len(r), dtype=bool))
+    if pressed is not None:
+        # Who is blamed by impulses of compression is asked whether these are the only ones.
+        blamed = [found[kind].blamed for kind in ("impact", "slip") if kind in found]
+        joined = groups(block, r)
+        doubted = np.isin(joined, joined[np.concatenate(blamed)]) & (pressed.unknown == "")
+        if doubted.any():
+            found, pressed = _read(block, r, kept, end, doubted)
     where = place(block, r)
     block.skip_companions(tally, "impact", r.k)
     if block.run.impact_law.restitution == "energetic":
         why = "no contact problem stands for an impact through springs"
         tally.skip("impact", why, "another impact law", int((r.problem == 1).sum()))
-    if replay.pressed is not None:
-        causes, counts = np.unique(replay.pressed.unknown[r.problem > 1].astype(str), return_counts=True)
+    if pressed is not None:
+        causes, counts = np.unique(pressed.unknown[r.problem > 1].astype(str), return_counts=True)
         for cause, count in zip(causes, counts, strict=True):
             for kind in ("impact", "slip") if cause else ():
                 why = f"how far Poisson's law expands {cause} is not computed"
                 tally.skip(kind, why, "fewer bodies at once, or another impact law", int(count))
     for kind, told in found.items():
-        if kind in other:
-            told = _better(told, other[kind], again)
         tally.measure(kind, told.value, told.bound, lambda i, rows=told.rows: where(int(rows[i])))  # type: ignore[misc]
+
+
+def _read(
+    block: Block, r: Hits, kept: Bool, end: Bool, doubted: Bool
+) -> tuple[dict[str, Told], compression.Compression | None]:
+    """What the laws say of the rows in the likelier of their frames (`end`), and in the other where that finds fault;
+    `doubted`: see `compression.of_rows`.
+    """
+    either = (block.piled | block.cascaded) & (block.run.method != "moreau")
+    replay = Replay(block, r, kept, end, doubted)
+    found = replay.run_all()
+    doubt = np.zeros(block.count, dtype=bool)
+    for told in found.values():
+        doubt[r.k[told.blamed]] = True
+    again = np.flatnonzero((doubt & either)[r.k])
+    if again.size:
+        other = Replay(block, r.of(again), kept[again], ~end[again], doubted[again]).run_all()
+        found.update({kind: _better(found[kind], other[kind], again) for kind in found if kind in other})
+    return found, replay.pressed
 
 
 def _better(one: Told, other: Told, again: I64) -> Told:
@@ -110,7 +133,7 @@ class Replay:
     Motions are (B N, 6), velocity and angular velocity of each body in each interval.
     """
 
-    def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool) -> None:
+    def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool, doubted: Bool) -> None:
         self.block, self.r, self.kept = block, r, kept
         self.told: dict[str, list[Told]] = {}
         #: The first impact problem drops what joints and loads answered to the loads; springs and Poisson's law add to it.
@@ -225,7 +248,7 @@ class Replay:
                 (np.append(run.in_clump, False)[np.minimum(r.b, run.bodies)], "groups with clumps"),
             )
             self.pressed = compression.of_rows(
-                run, r, joined, self.lever, (before.normal, before.slip), self.mu, causes
+                run, r, joined, self.lever, (before.normal, before.slip), self.mu, causes, doubted
             )
 
     def run_all(self) -> dict[str, Told]:
@@ -305,13 +328,21 @@ class Replay:
         self._tell("work", last[mine][order], value[order], spread[mine][order])
 
     def _tell_missing(self) -> None:
-        """Contacts that were compressed have a row of the expansion, where no restitution was taken back in the step."""
+        """Contacts that were compressed have a row of the expansion, where no restitution was taken back in the step.
+
+        Rule R4 takes all of it back, and leaves no row that says so, where bodies have none of the compression either: the
+        loads hold them at rest, and any expansion is a gain.
+        """
         if self.pressed is None:
             return
         run, r, first = self.block.run, self.r, self.pressed.first
         expanded = np.isin(first, first[r.problem > 1])
         whole = run.steps["restitution_scale"][r.step - 1] == 1.0
-        rows = np.flatnonzero((first == np.arange(len(r))) & ~expanded & whole)
+        struck, ball = np.zeros(len(self.now), dtype=bool), r.b < run.bodies
+        of_impacts = r.problem > 0
+        struck[self.at[0][of_impacts]] = struck[self.at[1][of_impacts & ball]] = True
+        held = ~struck[self.at[0]] & ~(struck[self.at[1]] & ball)
+        rows = np.flatnonzero((first == np.arange(len(r))) & ~expanded & whole & ~held)
         normal, own = self.pressed.normal[rows], self.compliance[0][rows]
         least = self._least(rows, normal)[0]
         left = 8.0 * self.block.tolerance[r.k[rows]] * self.plain[r.k[rows]]

@@ -147,8 +147,8 @@ def _plain(verdict: Verdict) -> dict[str, Any]:
 class Tally:
     """Collects measures of all kinds; of each it keeps the count and the worst in units of its bound."""
 
-    def __init__(self) -> None:
-        self.verdicts = {name: Verdict(kind) for name, kind in KINDS.items()}
+    def __init__(self, kinds: Mapping[str, Kind] = KINDS) -> None:
+        self.verdicts = {name: Verdict(kind) for name, kind in kinds.items()}
         self._skipped: dict[tuple[str, str, str], int] = {}
 
     def measure(
