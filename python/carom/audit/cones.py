@@ -64,7 +64,8 @@ def _pushed(block: Block, tally: Tally) -> None:
     solved = unit(np.add(*loads_once.solved_at(block, forces.of_contacts(block).shift)))
     pushed = np.maximum(*(dot(c.position_impulse, of) for of in (solved, unit(first + c.normal))))
     pulled = -pushed - 0.5 * angle * size
-    bound = block.left(size)[c.k] + 16.0 * EPS * size
+    # Where positions take back what loads had moved, what is left is what eq. 44 leaves however small it is.
+    bound = (block.left(size) + block.floor)[c.k] + 16.0 * EPS * size
     bound = bound + np.where(block.piled[c.k], forces.bent(block)[c.k, c.a], 0.0)
     tally.measure("sign", np.maximum(pulled, 0.0), bound, block.contact)
 
