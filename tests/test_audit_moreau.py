@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import carom
+import numpy as np
 import pytest
 
 pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
@@ -22,3 +23,19 @@ def test_the_projection_meets_pairs_that_are_no_candidates() -> None:
     assert (solved["contacts"][position] > steps["candidates"][solved["step"][position] - 1]).any()
     report = carom.audit.check(result)
     assert report.ok, report
+
+
+def test_joints_beside_a_load_function_answer_where_the_smooth_motion_ends() -> None:
+    """What the function gives is on no record; it was taken for an impulse of contacts, and rods stood elsewhere."""
+    scene = carom.Scene("rod", gravity=(0, 0, -9.8))
+    scene.contact("g", "g", friction=0.0, restitution=0.5)
+    scene.contact("g", "w", friction=0.0, restitution=0.5)
+    scene.plane("t", material="w", point=(0, 0, 0), normal=(0, 0, 1))
+    for k in range(2):
+        at = (0.021 * k, 0.004 * k, 0.05 + 0.003 * k)
+        scene.sphere(f"c{k}", material="g", radius=0.01, density=2500, at=at, velocity=(0.3, 0, 0.02))
+    scene.joint("rod", between=("c0", "c1"))
+    scene.load_function(lambda t, x, v, w: np.hstack([-0.02 * v, 0.0 * v]))
+    report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.2, method="moreau", walls=True))
+    assert report.ok, report.findings
+    assert report["work"].judged

@@ -256,7 +256,9 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
     ends: list[Places] = [(x[active], q[active]) for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
     if run.method != "moreau":
         return gradients.answer(run, bodies, ends[1])
-    # Moreau-Jean asks where the smooth motion ends. Its velocities are those of the loads, held by the joints there.
+    # Moreau-Jean asks where the smooth motion ends. Its velocities are those of the loads, held by the joints there: those
+    # of the frame less what contacts gave, on record or as what no load gave (joints give nothing along their answer).
+    sums = forces.of_contacts(block) if run.has_contacts else None
     given, theta = of_loads(block), float(run.options["theta"])
     old, new = (
         np.concatenate(of, axis=-1)[active][:, bodies] for of in ((block.v0, block.w0), (block.v1, block.w1))
@@ -271,8 +273,11 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
         x[:, bodies] += mean[..., :3] + given.shift[active][:, bodies, :3]
         q[:, bodies] = product(exponential(mean[..., 3:]), q[:, bodies])
         found = gradients.answer(run, bodies, (x, q))
-        # Springs are taken there too, not at the places of the frame.
-        there = theta * run.h * pulled_from(block, active, (x, q))[:, bodies] / inert
-        apart = (inert * (new - old - pushed - there)).reshape(len(active), -1)
+        if sums is not None:  # also where a function of the user acts, which is on no record
+            apart = np.concatenate([sums.impulse, sums.moments[0]], axis=-1)[active][:, bodies]
+        else:  # springs are taken there too, not at the places of the frame
+            there = theta * run.h * pulled_from(block, active, (x, q))[:, bodies] / inert
+            apart = inert * (new - old - pushed - there)
+        apart = apart.reshape(len(active), -1)
         smooth = new - np.einsum("aij,aj->ai", found[0], apart).reshape(new.shape)
     return found
