@@ -39,3 +39,32 @@ def test_joints_beside_a_load_function_answer_where_the_smooth_motion_ends() -> 
     report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.2, method="moreau", walls=True))
     assert report.ok, report.findings
     assert report["work"].judged
+
+
+@pytest.mark.parametrize("theta", [0.5, 0.8])
+def test_overlaps_grow_as_a_ball_goes_round_in_a_wall(theta: float) -> None:
+    """By `(1 - theta) h^2 v^2/R` a step, for centres that go round on the radius `R`."""
+    scene = carom.Scene("round", gravity=(0, 0, 0))
+    scene.contact("g", "w", friction=0.0, restitution=0.0)
+    scene.ball_wall("w", material="w", point=(0, 0, 0), radius=0.06)
+    scene.sphere("b", material="g", radius=0.01, density=2500, at=(0.0499999999, 0, 0), velocity=(0, 0.5, 0))
+    result = carom.simulate(scene, step=1e-3, until=0.1, method="moreau", theta=theta)
+    gap = 0.05 - np.linalg.norm(result.position[:, 0], axis=1)
+    v = np.linalg.norm(result.velocity[-1, 0])
+    grown = (gap[20] - gap[100]) / 80
+    assert grown == pytest.approx((1.0 - theta) * 1e-6 * v**2 / 0.05, rel=0.05)
+    report = carom.audit.check(result)
+    assert report.ok, report.findings
+
+
+@pytest.mark.parametrize("motion", ["rotation", "surface_rotation"])
+def test_overlaps_in_a_cone_may_add_up(motion: str) -> None:
+    scene = carom.Scene("cone", gravity=(0, 0, -9.8))
+    scene.contact("g", "w", friction=0.0, restitution=0.0)
+    turns = {motion: {"axis": (0, 0, 1), "rate": -20.0}}
+    shape = {"point": (0, 0, -0.1), "axis": (0, 0, 1), "radius": 0.0, "radius_end": 0.2, "length": 0.2}
+    scene.cone("w", material="w", motion=turns, **shape)
+    at, velocity = (-0.03, -0.03, -0.029), (0.1, -0.2, 0)
+    scene.sphere("b", material="g", radius=0.008, density=2500, at=at, velocity=velocity)
+    report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.3, method="moreau"))
+    assert report.ok, report.findings
