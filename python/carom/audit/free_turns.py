@@ -1,5 +1,5 @@
 """Where clumps, and all bodies, would be at the end of an interval by their weight, and clumps by their loads: by Euler's
-equations, and then turned by what moments give in the step (algorithm, section 15).
+equations, with what moments give in the mean of the step (algorithm, section 15).
 
 Attraction is known from there (`cohesion`), and what it gives clumps is part of their flight (`flights`).
 """
@@ -11,7 +11,7 @@ import numpy as np
 from carom.arrays import F64, I64
 from carom.audit import carried, clump_loads, rigid, wrenches
 from carom.audit.block import Block, once
-from carom.audit.vectors import cross, dot, exponential, norm, product
+from carom.audit.vectors import cross, dot, norm
 
 
 @once
@@ -19,20 +19,21 @@ def rows(block: Block) -> F64:
     """(B, C, 13) the motion of clumps without contacts; not a number where they turn too far."""
     run, dt, old = block.run, block.dt[:, None, None], block.c0
     loads = clump_loads.of_block(block)
-    loaded = (loads.way != 0.0).any(axis=-1, keepdims=True)
+    loaded = (loads.way[..., 3:] != 0.0).any(axis=-1, keepdims=True)
     found = block.c1.copy()
+    # The mean momentum of the step turns it.
+    given = run.clumps.turning(old[..., 3:7], loads.way[..., 3:]) / dt
+    spin = np.where(loaded, old[..., 10:] + given, old[..., 10:]).reshape(-1, 3)
     many = np.tile(np.arange(len(run.clumps)), block.count)
     start = old.reshape(-1, 13)
     times = np.repeat(np.asarray(block.dt, dtype=np.float64), len(run.clumps))
-    turned = rigid.free(run.clumps.inertia[many], start[:, 3:7], start[:, 10:], times)
+    turned = rigid.free(run.clumps.inertia[many], start[:, 3:7], spin, times)
     found[..., 3:7] = turned.reshape(*found.shape[:2], 4)
     of_box, first = carried.of_block(block), run.clumps.first
     found[..., :3] = old[..., :3] + dt * old[..., 7:10] + 0.5 * dt * dt * run.gravity + of_box.way[:, first]
     found[..., 7:10] = old[..., 7:10] + dt * run.gravity + of_box.velocity[:, first]
     found[..., :3] += loads.way[..., :3] / run.clumps.mass[:, None]
     found[..., 7:10] += loads.impulse[..., :3] / run.clumps.mass[:, None]
-    by_loads = run.clumps.turning(found[..., 3:7], loads.way[..., 3:])
-    found[..., 3:7] = np.where(loaded, product(exponential(by_loads), found[..., 3:7]), found[..., 3:7])
     found[..., 10:] = run.clumps.turning(found[..., 3:7], run.clumps.momenta(old) + loads.impulse[..., 3:])
     return found
 
