@@ -10,6 +10,7 @@ nothing is known.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -66,10 +67,11 @@ def of_rows(
     mu: F64,
     causes: Causes,
     doubted: Bool,
+    known: Compression | None,
 ) -> Compression:
     """`lever` (K, 3) of the rows, `motion` their normal and slip velocities before the step; `causes` why nothing is
     known of groups with some rows (K,). In groups with `doubted` rows (K,) nothing is known either where another solution
-    is found (`_several`).
+    is found (`_several`); all others are as `known`, if they are.
     """
     many, index = len(run.names), run.law_index(r.a, r.b)
     _, first, contact = np.unique((r.k * many + r.a) * many + r.b, return_index=True, return_inverse=True)
@@ -77,7 +79,11 @@ def of_rows(
     approach, slip = motion
     normal, sliding, gain = (np.full(shape, np.nan) for shape in (len(r), (len(r), 3), len(r)))
     unknown = np.full(len(r), "", dtype=object)
-    for g in np.unique(group[r.problem > 0]):
+    asked = r.problem > 0
+    if known is not None:
+        normal, sliding, gain, unknown = (of.copy() for of in (known[0], known[1], known[2], known[4]))
+        asked = asked & doubted
+    for g in np.unique(group[asked]):
         rows = first[group[first] == g]
         mine = (
             (np.array(len(rows) > MOST), f"groups of more than {MOST} contacts"),
@@ -101,6 +107,7 @@ def of_rows(
             solved = None if _several(stated, solved[0], told) else solved
         if solved is None:
             unknown[rows] = "groups whose impulses of compression are not unique, or were not found"
+            normal[rows] = sliding[rows] = gain[rows] = np.nan
         else:
             normal[rows], gain[rows] = solved[0][:, 0], solved[1]
             sliding[rows] = np.einsum("kt,ktx->kx", solved[0][:, 1:], across)
@@ -142,13 +149,16 @@ def solve(w: F64, q: F64, mu: F64, begin: F64) -> tuple[F64, float] | None:
     """Impulses (n, 3), looked for from `begin`, and the largest change of one over that of the residual, but for those that
     the softness holds; None: not found, or not unique.
     """
-    give, found = SOFTNESS * np.diag(w), _solved(w, q, mu, begin.ravel(), SOFTNESS)
-    for _ in range(AGAIN):
+    give, soft = SOFTNESS * np.diag(w), w + SOFTNESS * np.diag(np.diag(w))
+    r, left = begin.ravel(), q
+    for _ in range(1 + AGAIN):
+        found = _solved(soft, left, mu, r)
         if found is None:
-            break
+            return None
         # From there, without what the softness has left.
-        found = _solved(w, q - give * found[0].ravel(), mu, found[0].ravel(), SOFTNESS)
-    return found
+        r, stated = found, left
+        left = q - give * r
+    return _unique(soft, stated, mu, r)
 
 
 def _several(stated: tuple[F64, F64, F64], one: F64, told: F64) -> bool:
@@ -170,8 +180,8 @@ def _several(stated: tuple[F64, F64, F64], one: F64, told: F64) -> bool:
     return False
 
 
-def _solved(w: F64, q: F64, mu: F64, begin: F64, softness: float) -> tuple[F64, float] | None:
-    w = w + softness * np.diag(np.diag(w))
+def _solved(w: F64, q: F64, mu: F64, begin: F64) -> F64 | None:
+    """Impulses (3n,); None: not found."""
     n, step = len(mu), 1.0 / np.diag(w)
     r, scale = begin.copy(), float(np.abs(step * q).max(initial=0.0))
     for _ in range(ROUNDS):
@@ -179,19 +189,31 @@ def _solved(w: F64, q: F64, mu: F64, begin: F64, softness: float) -> tuple[F64, 
             rows = slice(3 * i, 3 * i + 3)
             r[rows] = _projected(r[rows] - step[rows] * (w[rows] @ r + q[rows]), mu[i])
         residual, slope = _natural(w, q, mu, step, r)
-        if np.linalg.cond(slope) < UNIQUE:
-            tried = r - np.linalg.solve(slope, residual)
-            after, new = _natural(w, q, mu, step, tried)
-            if np.abs(after).max() < np.abs(residual).max():
-                r, residual, slope = tried, after, new
         if np.abs(residual).max() <= SOLVED * scale:
-            # What is at rest on an edge of its law may give way to either side.
-            slopes = (slope, *(_natural(w, q, mu, step, r, edge)[1] for edge in (EDGE, -EDGE)))
-            changes = [np.linalg.svd(of, compute_uv=False) for of in slopes]
-            if min(of[-1] for of in changes) * UNIQUE <= 1.0:
-                return None
-            return r.reshape(n, 3), 1.0 / min(of[of > HELD].min() for of in changes)
+            return r
+        with suppress(np.linalg.LinAlgError):
+            tried = r - np.linalg.solve(slope, residual)
+            after = np.abs(_natural(w, q, mu, step, tried)[0]).max()
+            if after <= SOLVED * scale:
+                return tried
+            if after < np.abs(residual).max():
+                r = tried
     return None
+
+
+def _unique(w: F64, q: F64, mu: F64, r: F64) -> tuple[F64, float] | None:
+    """Impulses (n, 3) and the largest change of one over that of the residual; None: others are as near."""
+    step = 1.0 / np.diag(w)
+    slopes = [_natural(w, q, mu, step, r)[1]]
+    # What is at rest on an edge of its law may give way to either side.
+    for edge in (EDGE, -EDGE):
+        slope = _natural(w, q, mu, step, r, edge)[1]
+        if not np.array_equal(slope, slopes[0]):
+            slopes.append(slope)
+    changes = [np.linalg.svd(of, compute_uv=False) for of in slopes]
+    if min(of[-1] for of in changes) * UNIQUE <= 1.0:
+        return None
+    return r.reshape(-1, 3), 1.0 / min(of[of > HELD].min() for of in changes)
 
 
 def _projected(xi: F64, mu: float) -> F64:

@@ -67,14 +67,14 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
     end = either[r.k]
     if end.any():
         end = end & (pairs(block, r, group) > block.least)
-    found, pressed = _read(block, r, kept, end, np.zeros(len(r), dtype=bool))
+    found, pressed = _read(block, r, kept, end, np.zeros(len(r), dtype=bool), None)
     if pressed is not None:
         # Who is blamed by impulses of compression is asked whether these are the only ones.
         blamed = [found[kind].blamed for kind in ("impact", "slip") if kind in found]
         joined = groups(block, r)
         doubted = np.isin(joined, joined[np.concatenate(blamed)]) & (pressed.unknown == "")
         if doubted.any():
-            found, pressed = _read(block, r, kept, end, doubted)
+            found, pressed = _read(block, r, kept, end, doubted, pressed)
     where = place(block, r)
     block.skip_companions(tally, "impact", r.k)
     if block.run.impact_law.restitution == "energetic":
@@ -91,20 +91,20 @@ def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
 
 
 def _read(
-    block: Block, r: Hits, kept: Bool, end: Bool, doubted: Bool
+    block: Block, r: Hits, kept: Bool, end: Bool, doubted: Bool, known: compression.Compression | None
 ) -> tuple[dict[str, Told], compression.Compression | None]:
     """What the laws say of the rows in the likelier of their frames (`end`), and in the other where that finds fault;
-    `doubted`: see `compression.of_rows`.
+    `doubted`, `known`: see `compression.of_rows`.
     """
     either = (block.piled | block.cascaded) & (block.run.method != "moreau")
-    replay = Replay(block, r, kept, end, doubted)
+    replay = Replay(block, r, kept, end, (doubted, known))
     found = replay.run_all()
     doubt = np.zeros(block.count, dtype=bool)
     for told in found.values():
         doubt[r.k[told.blamed]] = True
     again = np.flatnonzero((doubt & either)[r.k])
     if again.size:
-        other = Replay(block, r.of(again), kept[again], ~end[again], doubted[again]).run_all()
+        other = Replay(block, r.of(again), kept[again], ~end[again], (doubted[again], None)).run_all()
         found.update({kind: _better(found[kind], other[kind], again) for kind in found if kind in other})
     return found, replay.pressed
 
@@ -133,7 +133,9 @@ class Replay:
     Motions are (B N, 6), velocity and angular velocity of each body in each interval.
     """
 
-    def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool, doubted: Bool) -> None:
+    def __init__(
+        self, block: Block, r: Hits, kept: Bool, end: Bool, asked: tuple[Bool, compression.Compression | None]
+    ) -> None:
         self.block, self.r, self.kept = block, r, kept
         self.told: dict[str, list[Told]] = {}
         #: The first impact problem drops what joints and loads answered to the loads; springs and Poisson's law add to it.
@@ -248,7 +250,7 @@ class Replay:
                 (np.append(run.in_clump, False)[np.minimum(r.b, run.bodies)], "groups with clumps"),
             )
             self.pressed = compression.of_rows(
-                run, r, joined, self.lever, (before.normal, before.slip), self.mu, causes, doubted
+                run, r, joined, self.lever, (before.normal, before.slip), self.mu, causes, *asked
             )
 
     def run_all(self) -> dict[str, Told]:
