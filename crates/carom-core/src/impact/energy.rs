@@ -30,6 +30,8 @@ pub struct ContactWork {
     pub explained: f64,
     /// Share of what it loses without restitution that it may give back at most (1).
     pub returned: f64,
+    /// Of one without an impulse: normal velocity with `r0`, and what `r1` adds to it at A and at B, m/s.
+    pub normal: [f64; 3],
 }
 
 impl ContactWork {
@@ -131,7 +133,7 @@ pub fn scales(
             terms[0] *= share;
         }
     }
-    let of_group: Vec<f64> = (terms.iter().zip(explained.iter().zip(&energy)))
+    let mut of_group: Vec<f64> = (terms.iter().zip(explained.iter().zip(&energy)))
         .map(|(terms, (explained, energy))| {
             let of_residual = match admit {
                 Admit::Rounding => 0.0,
@@ -149,7 +151,28 @@ pub fn scales(
         .collect();
     let nodes = 0..kinetic.len() as u32;
     let any = of_group.iter().any(|&s| s < 1.0);
-    any.then(|| nodes.map(|n| of_group[joined.root(n) as usize]).collect())
+    any.then(|| {
+        keep_apart(works, &mut joined, &mut of_group);
+        nodes.map(|n| of_group[joined.root(n) as usize]).collect()
+    })
+}
+
+/// Groups with different scales may close a contact between them that has no impulse, and nothing would open it: they have the lesser scale, by which
+/// neither gains.
+fn keep_apart(works: &[ContactWork], joined: &mut [u32], of_group: &mut [f64]) {
+    let mut again = true;
+    while std::mem::take(&mut again) {
+        for w in works.iter().filter(|w| !w.is_pressed && w.b != WORLD) {
+            let [a, b] = [w.a, w.b].map(|node| joined.root(node) as usize);
+            let ([of_a, of_b], [open, by_a, by_b]) = ([of_group[a], of_group[b]], w.normal);
+            let rounding = ROUNDING * (open.abs() + by_a.abs() + by_b.abs());
+            if a != b && of_a != of_b && open + of_a * by_a + of_b * by_b < -rounding {
+                joined.join(w.a, w.b);
+                of_group[joined.root(w.a) as usize] = of_a.min(of_b);
+                again = true;
+            }
+        }
+    }
 }
 
 /// The largest s in [0, 1] at which `c0 + c1 s + c2 s^2`, convex and above 0 at 1, is not above 0; 0 where it is so even there.

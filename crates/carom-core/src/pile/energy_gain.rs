@@ -9,7 +9,9 @@ use crate::impact::law::{returned, Law};
 use crate::model::Model;
 use crate::pile::limits::tolerance;
 use crate::pile::memory::Pile;
+use crate::rows::halves;
 use crate::workspace::On;
+use carom_solve::rows::WORLD;
 use glam::DVec3;
 
 /// A solution of the problem at hand.
@@ -160,6 +162,15 @@ impl Pile {
             let changes = [&self.corrections, corrections].map(|u| since + change(m, u));
             let given = solved.map(|r| r - had(m.load, m.impulse));
             work.add_vectors(before, given, changes);
+            let by = |node: u32| match node {
+                WORLD => 0.0,
+                node => {
+                    let [to, from] =
+                        [corrections, &self.corrections].map(|u| halves(&u[node as usize])[0]);
+                    m.normal.dot(to - from)
+                }
+            };
+            work.normal = [m.normal.dot(before + changes[0]), by(m.a), -by(m.b)];
             if let Some(turning) = memory.turning.get(slot as usize) {
                 let since = roll::relative(m, &memory.jump) - roll::relative(m, from);
                 let before = memory.turn(slot) - since;

@@ -5,7 +5,7 @@ use crate::impact::energy::{mix, scales, Admit, ContactWork};
 use crate::impact::law::returned;
 use crate::impact::memory::ImpactScratch;
 use crate::model::Model;
-use carom_solve::rows::{RowContact, NODE_DOF};
+use carom_solve::rows::{RowContact, NODE_DOF, WORLD};
 use carom_solve::Status;
 
 /// A solution of the problem at hand: multipliers, corrections of the velocities, impulses of the loads that answer them.
@@ -150,13 +150,26 @@ impl ImpactScratch {
                     .members
                     .get(slot)
                     .map(|&m| contacts[m as usize].law(model));
+                let at = |node: u32, side: usize| match node {
+                    WORLD => 0.0,
+                    node => {
+                        let of = NODE_DOF * node as usize;
+                        let change = changes[1][of..].iter().zip(&changes[0][of..]);
+                        let row = &self.sub.jac[c.row as usize][side];
+                        change.zip(row).map(|((to, from), g)| g * (to - from)).sum()
+                    }
+                };
+                let wall = self.wall_measures(full);
+                let normal = |v: &[f64]| self.sub.row_velocity(c, c.row as usize, v);
+                let of_wall = wall.first().copied().unwrap_or(0.0);
+                let first = normal(&velocity) + of_wall + normal(&changes[0]);
                 let mut work = ContactWork {
                     is_pressed: c.bilateral || any,
+                    normal: [first, at(c.node_a, 0), at(c.node_b, 1)],
                     explained: of_residual,
                     returned: of_contact.map_or(0.0, |law| returned(law, &model.options)),
                     ..ContactWork::between(c.node_a, c.node_b)
                 };
-                let wall = self.wall_measures(full);
                 let joint = slot.checked_sub(self.members.len());
                 let joint = joint.map(|k| &model.joints[self.joints[k] as usize]);
                 for r in 0..c.dim as usize {
