@@ -88,3 +88,18 @@ def test_a_rough_cone_turns_balls_about(law: dict[str, Any], kind: str) -> None:
     report = carom.audit.check(result)
     assert report["energy balance"].violations == report["work"].violations == 0
     assert report["passivity"].violations == 0
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_a_ball_dropped_on_a_turntable(restitution: float) -> None:
+    """A lone ball on a plane: its loads, in closed form, act half-way, too."""
+    made = carom.Scene("table", gravity=(0, 0, -9.81))
+    made.contact("m", "m", friction=0.3, restitution=restitution)
+    motion = {"surface_rotation": {"axis": (0, 0, 1), "point": (0, 0, 0), "rate": 20.0}}
+    made.plane("wall", material="m", point=(0, 0, 0), normal=(0, 0, 1), motion=motion)
+    made.sphere("b", radius=0.01, density=2500, at=(0.1, 0.02, 0.03), velocity=(0.1, 0, 0), material="m")
+    result = carom.simulate(made, step=1e-3, until=0.4)
+    report = carom.audit.check(result)
+    assert report.ok, report
+    for kind in ("work", "wall moment", "energy balance"):
+        assert report[kind].judged > 50

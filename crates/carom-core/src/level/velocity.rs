@@ -73,9 +73,15 @@ fn solve_single<const MOVING: bool>(on: &mut On, m: u32) {
         (scale, impact) = lone.without_gain(impact);
         on.report.restitution_scale = on.report.restitution_scale.min(scale);
     }
-    let (s, jump, work) = impact;
+    let (s, jump, mut work) = impact;
     if s.normal == 0.0 {
         return;
+    }
+    if MOVING && resting && options.loads_once() {
+        let there = single::wall_half_way(on, c);
+        for (along, (end, there)) in (s.sliding.iter()).zip(lone.wall.slip.iter().zip(there.slip)) {
+            work[1] += along * (end - there);
+        }
     }
     let kept = on.scratch.keeper.wants(1).then(|| lone.measures(law));
     on.report.add_velocity(&SolveReport::CLOSED_FORM);
@@ -102,6 +108,10 @@ fn solve_single<const MOVING: bool>(on: &mut On, m: u32) {
     }
     let target = &mut on.scratch.contacts[m as usize];
     target.lambda = packed;
+    if resting && target.load != [0.0; 6] {
+        // Solved anew with the positions of the end: all of it is of the loads, which act half-way.
+        target.load = packed;
+    }
     target.status = status;
     target.work = work;
     if let Some(z) = kept {
