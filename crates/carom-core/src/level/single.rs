@@ -71,7 +71,7 @@ pub fn wall_motion(on: &On, c: &Contact) -> [ContactMeasures; 2] {
 #[inline]
 pub fn wall_half_way(on: &On, c: &Contact) -> ContactMeasures {
     let (scratch, Task { model, state, .. }) = (&*on.scratch, *on.task);
-    let centres = [&state.position, &*scratch.position].map(|x| x[c.a as usize]);
+    let centres = [state.position[c.a as usize], scratch.position[c.a as usize]];
     let twist = scratch.walls.twist_half_way(model, c, centres);
     twist.map_or_else(ContactMeasures::default, |t| {
         driven(c, t.shape, t.material, t.spin)
