@@ -127,6 +127,8 @@ fn solve_within(
             return false;
         }
         island.give_up_restitution();
+        // Also where nothing is left to tell of it.
+        island.report().restitution_scale = 0.0;
     } else if law.has_restitution() && island.has_safeguard() && gains(island, problem, admit) {
         let with = island.take_solution();
         if !island.solve_without_restitution(problem) {

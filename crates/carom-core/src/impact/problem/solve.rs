@@ -32,7 +32,9 @@ const FINER: f64 = 1e-4;
 
 /// Shares (1) by which contacts give way where that chooses among solutions, each from the last: with the first there is one. A larger last one is
 /// farther from a solution; with a smaller one rounding chooses. Without the first ones grains that roll have several, or none is found.
-const SOFTNESS: [f64; 4] = [1.0, 1e-2, 1e-4, 1e-6];
+const SOFTNESS: [f64; 7] = [1.0, 1e-2, 1e-4, 1e-6, 1e-6, 1e-6, 1e-6];
+/// The stage from which on softness acts on changes alone.
+const FIRM: usize = 3;
 /// Residual (1) that is asked for with it at least, a little above rounding.
 const LEAST_TOLERANCE: f64 = 1e-13;
 
@@ -56,9 +58,20 @@ impl ImpactScratch {
         self.build(on, law);
         // Poisson's law gives back what it finds in all contacts at once.
         let gives_back = on.task.model.options.impact == Impact::Poisson && problem > 0;
-        let soft = if gives_back { self.softly(on) } else { None };
+        let soft = if gives_back {
+            self.softly(on, problem)
+        } else {
+            None
+        };
+        let tried = soft.is_some().then(|| on.snapshot());
         if !self.solve_stated(on, problem, soft.as_deref().or(warm)) {
-            return false;
+            let Some(before) = tried else {
+                return false;
+            };
+            on.restore(before);
+            if !self.solve_stated(on, problem, warm) {
+                return false;
+            }
         }
         // The files of problems know no least impulses.
         if law != Law::Expansion && on.scratch.keeper.wants(self.last.iterations) {
@@ -78,7 +91,7 @@ impl ImpactScratch {
         // An impact takes no time, in which loads could answer it.
         let loads = std::mem::take(&mut self.loads);
         let load = std::mem::take(&mut self.sub.load);
-        let soft = self.softly(on);
+        let soft = self.softly(on, 1);
         let solved = self.solve_built(on, 1, soft.as_deref());
         (self.loads, self.sub.load) = (loads, load);
         self.expansion.clear();
@@ -376,22 +389,32 @@ impl ImpactScratch {
 
     /// The impulses of the problem at hand where contacts give way a little, from nothing: of many solutions the least, as equal springs would share it.
     /// Nothing where there is one contact, or where they were not found.
-    fn softly(&mut self, on: &mut On) -> Option<Vec<f64>> {
+    fn softly(&mut self, on: &mut On, problem: u32) -> Option<Vec<f64>> {
         if self.chosen.len() < 2 {
             return None;
         }
         let accept = std::mem::replace(&mut self.accept_unconverged, false);
-        let mut found: Option<Vec<f64>> = None;
-        for softness in SOFTNESS {
+        let (stated, mut found) = (self.sub.z0.clone(), None);
+        for (stage, softness) in SOFTNESS.into_iter().enumerate() {
+            let from: Option<Vec<f64>> = found.clone();
+            if let (Some(from), true) = (&from, stage > FIRM) {
+                // From there on without what the softness has left: Newton's method alone would go along what holds itself.
+                for c in self.sub.contacts.iter().filter(|c| !c.bilateral) {
+                    for row in c.rows() {
+                        self.sub.z0[row] = stated[row] - softness * self.sub.diag[row] * from[row];
+                    }
+                }
+            }
             self.softness = softness;
             let before = on.snapshot();
-            if self.solve_built(on, 1, found.as_deref()) {
-                found = Some(self.lambda.clone());
-            } else {
+            if !self.solve_built(on, problem, from.as_deref()) {
                 on.restore(before);
+                break;
             }
+            found = Some(self.lambda.clone());
         }
         (self.softness, self.accept_unconverged) = (0.0, accept);
+        self.sub.z0 = stated;
         found
     }
 
@@ -425,7 +448,9 @@ impl ImpactScratch {
         };
         (self.sub, self.lambda, self.u) = (sub, lambda, u);
         on.report.add_velocity(&result);
-        on.scratch.history[2].keep_longest(&newton.history, problem, self.chosen.len());
+        if self.softness == 0.0 {
+            on.scratch.history[2].keep_longest(&newton.history, problem, self.chosen.len());
+        }
         self.last = result;
         if result.converged {
             return true;
