@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import carom
 import numpy as np
@@ -21,8 +22,9 @@ def change(kind: str, law: str, phase: float) -> float:
         up, high = (math.sin(0.7), 0.0, math.cos(0.7)), R / math.cos(0.7) - R
     if kind != "flying":
         scene.plane("floor", point=(0, 0, 0), normal=up, material="b")
-    rest = {"one": [(0, 0)], "two": [(-R, 0), (R, 0)], "flying": [(0.8 * R, 0)]}.get(kind, [])
-    for k, (x, y) in enumerate(rest):
+    rest: dict[str, list[tuple[float, float]]]
+    rest = {"one": [(0.0, 0.0)], "two": [(-R, 0.0), (R, 0.0)], "flying": [(0.8 * R, 0.0)]}
+    for k, (x, y) in enumerate(rest.get(kind, [])):
         scene.sphere(f"a{k}", radius=R, mass=M, position=(x, y, R), material="b")
         high = math.sqrt(4 * R * R - x * x - y * y)
     at = (0, 0, R + high + phase * V * H)
@@ -44,7 +46,9 @@ def test_what_hits_without_loss_lose_to_the_step(law: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["nsga", "moreau"])
-def test_a_state_in_another_scene_takes_the_accelerations_of_that_scene(method: str) -> None:
+def test_a_state_in_another_scene_takes_the_accelerations_of_that_scene(
+    method: Literal["nsga", "moreau"],
+) -> None:
     """docs/reference/stepping.md: off by half a step of the change of loads, and not where the accelerations are taken."""
     off = []
     for cured in (False, True):
