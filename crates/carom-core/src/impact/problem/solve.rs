@@ -30,7 +30,7 @@ const AT_REST: f64 = 1e-3;
 /// rounding of large islands, and the step takes iterations for nothing.
 const FINER: f64 = 1e-4;
 
-/// Shares (1) by which contacts give way where that chooses among solutions, each from the last: with the first there is one. A larger last one is
+/// Shares (1) by which contacts give way where that chooses among solutions, each from the last: with the first, others are rare. A larger last one is
 /// farther from a solution; with a smaller one rounding chooses. Without the first ones grains that roll have several, or none is found.
 const SOFTNESS: [f64; 7] = [1.0, 1e-2, 1e-4, 1e-6, 1e-6, 1e-6, 1e-6];
 /// The stage from which on softness acts on changes alone.
