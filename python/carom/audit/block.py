@@ -249,7 +249,7 @@ class Block:
         reach its end is the bare state.
         """
         run = self.run
-        if run.result.status == "done":
+        if not run.result._has_bare_end:
             return np.ones(self.count, dtype=bool)
         every = run.result._segments.attributes["every"]
         return np.asarray(self.s1 % int(every) == 0)

@@ -290,6 +290,13 @@ class RunData(Frames[Column]):
         return str(self._about["status"])
 
     @property
+    def _has_bare_end(self) -> bool:
+        """Whether a last frame off the grid is the state alone, without contacts and impulses since the frame before: of a
+        run that did not reach its end, and of `Simulation.result`.
+        """
+        return self.status != "done" or bool(self._about.get("bare_end"))
+
+    @property
     def is_being_written(self) -> bool:
         """Whether the process that computes the run is alive, on this machine."""
         return self._directory is not None and self._directory.is_being_written()

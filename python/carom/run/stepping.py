@@ -82,6 +82,10 @@ class Simulation(State):
         self._gone = first_area_to_go(scene._walls(), scene.world.periodic)
         self._core = self._run.simulation
         self._origin = _origin(self._run.model)
+        start = self._core.state()
+        self._known = [*start, *self._origin]
+        # The sums since the last frame, as they are where a record begins.
+        self._sums = {key: start[key] for key in start if key.startswith("open_")}
         super().__init__(self._core, scene.names, self._run.model)
         self._begin()
 
@@ -151,9 +155,8 @@ class Simulation(State):
         if not isinstance(state, Mapping):
             given = "nothing" if state is None else type(state).__name__
             raise CaromError(f"restore: a state is needed, found {given}; give what state() returned")
-        known = [*self._core.state(), *self._origin]
-        if unknown := [str(name) for name in state if name not in known]:
-            cure = did_you_mean(unknown[0], known)
+        if unknown := [str(name) for name in state if name not in self._known]:
+            cure = did_you_mean(unknown[0], self._known)
             raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
         kept = dict(state)
         # A state of version 0.2.0 does not say where it is from.
@@ -164,7 +167,8 @@ class Simulation(State):
         if differs:
             cause = f"the state was made with another step than {self._run.plan.step:g} s"
             raise CaromError(f"restore: {cause}; give both simulations the same step")
-        return kept
+        # The record begins anew: what was summed since a frame of the old one is not in the first frame of the new one.
+        return kept | {key: sums for key, sums in self._sums.items() if key in kept}
 
     def result(self) -> Result:
         """All that was recorded so far, as `carom.simulate` up to this time returns it. Later steps do not change it.
@@ -180,7 +184,10 @@ class Simulation(State):
         recorder = Recorder(memory, run.plan, len(self.names))
         if not self._keep:
             recorder.start(self._core)
+        shown = memory.last_frame
         recorder.end(self._core)
+        if memory.last_frame != shown:  # off the grid, where runs that are done have whole frames
+            run.about["bare_end"] = True
         here = {"step": self.steps, "time": self.time}
         ending = replace(self._ending, outcome={**here, **self._ending.outcome})
         return Result(run.about, memory, scene=run.scene, problem=run.conclude(ending, dict(self._segment)))

@@ -89,6 +89,7 @@ class Memory:
         with self._lock:
             self._join()
             found = copy.copy(self)
+            found._pending = []  # a list of its own: both go on appending
             found._parts = {
                 table: {name: list(parts) for name, parts in columns.items()}
                 for table, columns in self._parts.items()
