@@ -53,3 +53,79 @@ def test_a_result_and_the_record_go_on_apart() -> None:
     assert np.asarray(sim.result().step).tolist() == [*range(0, 51, 10)]
     assert np.asarray(first.step).tolist() == [0, 10, 20, 25]
     assert len(first.steps) == 25
+
+
+def rod(at: tuple[float, float, float] = (0, 0, 0.05)) -> carom.Scene:
+    scene = carom.Scene("rod", gravity=(0, 0, 0), periodic=(0.1, 0.1, 0.1))
+    scene.contact("g", "g", friction=0.3, restitution=0.5)
+    parts = [[-0.01, 0, 0, 0.01], [0.01, 0, 0, 0.01], [0, 0.01, 0, 0.006]]
+    scene.clump("k", spheres=parts, material="g", density=3000, at=at, velocity=(0.3, 0.1, 0))
+    return scene
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, np.pi])
+def test_balls_follow_a_clump_that_is_placed(angle: float) -> None:
+    sim = carom.Simulation(rod(), step=1e-3)
+    sim.step(60)  # in part beyond the border of the box
+    state = sim.state()
+    sim.restore(state)
+    place, turn = np.array([0.03, 0.02, 0.01]), [np.cos(angle / 2), 0, 0, np.sin(angle / 2)]
+    apart = state["position"][:3] - state["position"][3]
+    c, s = np.cos(angle), np.sin(angle)
+    before = state["orientation"][3]
+    state["position"][3], state["orientation"][3] = place, quaternion(turn, before)
+    sim.restore(state)
+    np.testing.assert_allclose(sim.clumps[0, :3], place, rtol=1e-12)
+    turned = apart @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T
+    off = (sim.position - place - turned) / 0.1
+    np.testing.assert_allclose(off - np.round(off), 0.0, atol=1e-10)
+    sim.step(1)
+    np.testing.assert_allclose(sim.velocity, [[0.3, 0.1, 0]] * 3, rtol=1e-9)
+
+
+def quaternion(q: list[float], p: np.ndarray) -> list[float]:
+    """`q p` where q turns about z."""
+    (w, _, _, z), (a, b, c, d) = q, p
+    return [w * a - z * d, w * b - z * c, w * c + z * b, w * d + z * a]
+
+
+def test_a_ball_of_a_clump_is_not_placed_by_itself() -> None:
+    sim = carom.Simulation(rod(), step=1e-3)
+    for rows in ([1], [0, 1, 2]):
+        state = sim.state()
+        state["position"][rows] += 0.02
+        with pytest.raises(carom.CaromError, match="place the clump, row 3 of position and orientation"):
+            sim.restore(state)
+    state = sim.state()
+    state["position"] = state["position"][:-1]
+    with pytest.raises(carom.CaromError, match="position is for 3 bodies, the model has 4"):
+        sim.restore(state)
+
+
+def test_what_a_joint_holds_is_not_placed_off_it() -> None:
+    scene = carom.Scene("pair", gravity=(0, 0, 0))
+    scene.contact("g", "g", friction=0.3, restitution=0.0)
+    for name, x in (("a", 0.0), ("b", 0.1), ("c", 0.3)):
+        scene.sphere(name, radius=0.01, mass=0.1, at=(x, 0, 0), material="g")
+    scene.joint("rod", between=["a", "b"])
+    scene.joint("motion", body="c", direction=(0, 0, 1), displacement={"expression": "10*t^2"})
+    sim = carom.Simulation(scene, step=1e-3)
+    state = sim.state()
+    state["position"][:2] += 0.5  # both together
+    sim.restore(state)
+    sim.step(10)
+    later = sim.state()
+    for row, place, told in (
+        (
+            1,
+            (0.9, 0.5, 0.5),
+            r'joint "joint1" of "a" and "b": the distance of its ends is 0.4 m, it holds 0.1 m',
+        ),
+        (2, (0.3, 0, 0), r'joint "joint2" of "c": the displacement of its points is 0 m, it holds 0.001 m'),
+    ):
+        state = {**later, "position": later["position"].copy()}
+        state["position"][row] = place
+        with pytest.raises(carom.CaromError, match=told):
+            sim.restore(state)
+    assert sim.steps == 10
+    sim.restore(later)

@@ -19,6 +19,7 @@ from carom.numeric import is_whole
 from carom.result.directory import now
 from carom.result.record import Memory
 from carom.run.loop import Ending, Sink, advance
+from carom.run.placed import Placement
 from carom.run.result import Result
 from carom.run.simulate import Run, RunFailed, scene_of
 from carom.run.sinks import Interrupt, Recorder
@@ -86,6 +87,7 @@ class Simulation(State):
         self._known = [*start, *self._origin]
         # The sums since the last frame, as they are where a record begins.
         self._sums = {key: start[key] for key in start if key.startswith("open_")}
+        self._placement: Placement | None = None  # made when a state is restored, if ever
         super().__init__(self._core, scene.names, self._run.model)
         self._begin()
 
@@ -138,10 +140,11 @@ class Simulation(State):
         """Go back (or on) to a `state` of this scene. What is recorded begins anew there.
 
         To strike a ball, change its row of `state["velocity"]` (M, 3), m/s, or `state["angular_velocity"]`, rad/s, before;
-        M are the N balls, then the clumps, whose balls follow them, then the free walls. `CaromError` where it is not a
-        state of this step and these bodies, or a ball of a clump is struck by itself.
+        M are the N balls, then the clumps, whose balls follow them, then the free walls. Rows of `position` and
+        `orientation` place them anew. `CaromError` where it is not a state of this step and these bodies, a ball of a clump is struck or
+        placed by itself, or a joint does not hold where its ends are.
         """
-        state = self._checked(state)
+        state = self._placed(self._checked(state))
         try:
             self._core.restore(state)
         except _core.ModelError as error:
@@ -149,6 +152,17 @@ class Simulation(State):
             raise CaromError(f"restore: {error}{cure}") from error
         self._run.about["restored"] = self.steps
         self._begin()
+
+    def _placed(self, state: dict[str, Any]) -> dict[str, Any]:
+        """The state with balls where their clumps have been placed; refused where a joint does not hold."""
+        if self._placement is None:
+            self._placement = Placement(self._run.scene, self._run.model)
+        if not self._placement:
+            return state
+        here = self._core.state()
+        state = self._placement.follow(state, here)
+        self._placement.refuse_off_joints(state, here, self._run.plan.step)
+        return state
 
     def _checked(self, state: object) -> dict[str, Any]:
         """What the core takes of a state of these bodies and this step."""

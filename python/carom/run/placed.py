@@ -1,0 +1,148 @@
+"""Where the bodies of a state have been placed: balls follow their clumps, and joints must hold where their ends are.
+
+A state may be changed before it is restored. The core takes it as it is, and a step would move what does not fit
+together by a jump without physical meaning.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from carom.arrays import F64
+from carom.errors import CaromError, quoted
+from carom.scene.assembly.arrays import bodies as all_balls
+from carom.scene.assembly.bodies import Bodies
+from carom.scene.assembly.mechanics import GROUND_INDEX, Row, arm, joint_rows, numbers
+from carom.scene.assembly.rotations import inverse, product, rotated, rotated_back
+from carom.scene.checks.joint_start import REFUSED
+from carom.scene.tables.joints import default_name
+from carom.scene.tables.laws import value_at
+
+if TYPE_CHECKING:
+    from carom.scene.scene import Scene
+
+#: Distance (in radii) or angle (rad) by which a ball may be off its clump: rounding is some 1e-15 of where it is.
+APART = 1e-6
+
+State = Mapping[str, Any]
+
+
+class Placement:
+    """The clumps and joints of a scene, which say where balls may be."""
+
+    def __init__(self, scene: Scene, model: Mapping[str, Any]) -> None:
+        self._radius: F64 = np.asarray(model["radius"])
+        self._names = scene.names
+        count = len(self._names)
+        self._clumps = []
+        for k, clump in enumerate(model.get("clumps", ())):
+            balls = slice(*clump["balls"])
+            axes = np.array(clump["orientation"])
+            offsets = rotated_back(axes, model["position"][balls] - np.array(clump["position"]))
+            turns = product(inverse(axes), model["orientation"][balls])
+            self._clumps.append((count + k, balls, offsets, turns))
+        tree = scene._tree
+        # Moreau-Jean holds joints by their velocities alone: places drift, and no step takes them back.
+        held = tree.joint if scene.run.method != "moreau" else []
+        self._joints: list[tuple[str, int, int, Row, F64, F64]] = []
+        if held:
+            start = all_balls(tree)
+            number = numbers(start)
+            for k, joint in enumerate(held):
+                a, b, rows = joint_rows(joint, start, number)
+                self._joints += [
+                    (joint.name or default_name(k), a, b, row, *_arms(row, (a, b), start))
+                    for row in rows
+                    if row.kind != "rotation"
+                ]
+
+    def __bool__(self) -> bool:
+        return bool(self._clumps or self._joints)
+
+    def follow(self, state: State, here: State) -> dict[str, Any]:
+        """The state with the balls of clumps where these have been placed; `here` is the state as it stands now.
+
+        Raises where balls have been placed, and their clump has not. What is no state at all is left to the core.
+        """
+        found = dict(state)
+        places = _places(state, here)
+        if places is None:
+            return found
+        x, q, present = places
+        moved = False
+        for body, balls, offsets, turns in self._clumps:
+            if not present[body]:
+                continue
+            centres, faces = x[body] + rotated(q[body], offsets), product(q[body], turns)
+            if self._fit(balls, x[balls] - centres, q[balls], faces):
+                continue
+            stays = all(np.array_equal(now[body], here[key][body]) for key, now in _named(x, q))
+            if stays or not self._rigid(balls, x[balls], offsets):
+                raise CaromError(
+                    f"restore: balls of a clump are not where it is: place the clump, row {body} of position and"
+                    " orientation, and its balls follow"
+                )
+            x[balls], q[balls], moved = centres, faces, True
+        return found | dict(_named(x, q)) if moved else found
+
+    def _fit(self, balls: slice, off: F64, q: F64, wanted: F64) -> bool:
+        turned = 2.0 * np.linalg.norm(product(inverse(wanted), q)[:, 1:], axis=1)
+        return bool(
+            (np.linalg.norm(off, axis=1) <= APART * self._radius[balls]).all() and turned.max() <= APART
+        )
+
+    def _rigid(self, balls: slice, x: F64, offsets: F64) -> bool:
+        """Whether balls are as far from one another as in their clump."""
+        apart, wanted = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (x, offsets))
+        return bool(np.abs(apart - wanted).max() <= APART * self._radius[balls].min())
+
+    def refuse_off_joints(self, state: State, here: State, step: float) -> None:
+        """Raise where a joint does not hold at the places and the time of a state."""
+        places = _places(state, here)
+        if not self._joints or places is None:
+            return
+        x, q, _ = places
+        time = float(np.ravel(state["step"])[0]) * step
+        for name, a, b, row, arm_a, arm_b in self._joints:
+            span = x[a] + rotated(q[a], arm_a)
+            span = span - (arm_b if b == GROUND_INDEX else x[b] + rotated(q[b], arm_b))
+            law = value_at(row.law, time)
+            is_rod = row.kind == "distance"
+            found = float(np.linalg.norm(span) if is_rod else span @ np.array(row.direction))
+            most = REFUSED * (max(abs(law), math.ulp(0.0)) if is_rod else self._radius[a])
+            if abs(found - law) > most:
+                ends = " and ".join(quoted(self._names[k]) for k in (a, b) if k != GROUND_INDEX)
+                what = "distance of its ends" if is_rod else "displacement of its points"
+                raise CaromError(
+                    f"restore: joint {quoted(name)} of {ends}: the {what} is {found:.6g} m, it holds {law:.6g} m;"
+                    " place all that it joins together"
+                )
+
+
+def _arms(row: Row, ends: tuple[int, int], start: Bodies) -> tuple[F64, F64]:
+    a, b = (np.array(arm(k, point, start)) for k, point in zip(ends, (row.point_a, row.point_b), strict=True))
+    return a, b
+
+
+def _named(x: F64, q: F64) -> tuple[tuple[str, F64], tuple[str, F64]]:
+    return ("position", x), ("orientation", q)
+
+
+def _places(state: State, here: State) -> tuple[F64, F64, F64] | None:
+    """Places and orientations of a state, and who is there; None of what is no state of these bodies."""
+    try:
+        x, q = (np.array(state[key], dtype=np.float64) for key in ("position", "orientation"))
+        present = np.asarray(state.get("present", np.ones(len(x), dtype=bool)))
+    except (KeyError, TypeError, ValueError):
+        return None
+    if (
+        x.shape != here["position"].shape
+        or q.shape != here["orientation"].shape
+        or present.shape != x.shape[:1]
+    ):
+        return None
+    return (x, q, present) if np.isfinite(x).all() and np.isfinite(q).all() else None
