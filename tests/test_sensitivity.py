@@ -175,3 +175,7 @@ def test_where_there_is_no_derivative_it_says_so() -> None:
         carom.sensitivity(shot(0.3, friction=0.0), ["ball/bed.friction"])  # none is below 0
     with pytest.raises(carom.CaromError, match="arguments of the function"):
         carom.sensitivity(shot, ["until"])
+    with pytest.raises(
+        carom.CaromError, match="method must be events, whose motions are exact, found 'moreau'"
+    ):
+        carom.sensitivity(shot(0.6), ["cue.velocity.x"], method="moreau")

@@ -129,3 +129,16 @@ def test_what_a_joint_holds_is_not_placed_off_it() -> None:
             sim.restore(state)
     assert sim.steps == 10
     sim.restore(later)
+
+
+def test_what_is_no_number_of_steps_and_no_choice_is_refused() -> None:
+    sim = resting()
+    for step in (2.9, -1, 2**62, [1, 2]):
+        with pytest.raises(carom.CaromError, match="step must be one whole number from 0 to 10"):
+            sim.restore(sim.state() | {"step": np.array(step)})
+    with pytest.raises(carom.CaromError, match="beyond step 10"):
+        sim.step(2**62)
+    with pytest.raises(carom.CaromError, match="keep must be True or False, found 'no'"):
+        resting(keep="no")
+    with pytest.raises(carom.CaromError, match="checkpoint_steps: it writes no checkpoints"):
+        resting(checkpoint_steps=3)

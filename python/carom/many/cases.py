@@ -19,11 +19,16 @@ from carom.scene.assembly.arrays import (
     COHESION,
     LAW_KEYS,
     VARYING,
+    bodies,
     law_arrays,
     resolved_tree,
+    with_packings_expanded,
     without_idle_cohesion,
 )
+from carom.scene.assembly.mechanics import joints_for_core, loads_for_core, numbers
 from carom.scene.builders.balls import make
+from carom.scene.checks.joint_start import check_start
+from carom.scene.checks.rules import Whole
 from carom.scene.scene import Scene
 from carom.scene.tables.balls import Sphere
 from carom.scene.tables.base import Table
@@ -35,6 +40,10 @@ Values = ArrayLike
 WIDTHS = {name: len(letters) for name, (letters, _) in QUANTITIES.items()}
 WIDTHS |= {"radius": 0, "mass": 0, "inertia": 0}
 """Quantities of balls, and how many components each has; 0 for a number."""
+
+
+OFF_UNIT = 1e-6
+"""By which the length of a quaternion may differ from 1, as in scenarios."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +63,11 @@ class Overrides:
         self._names = {name: i for i, name in enumerate(scene.names)}
         self._parts = {ball: clump.name for clump in scene.clumps for ball in clump.ball_names()}
         self._kappa = self._base["inertia"] / (self._base["mass"] * self._base["radius"] ** 2)
+        tree = with_packings_expanded(scene._tree)
+        self._start = bodies(tree)
+        self._absent = ~self._start.present
+        #: The tables, where joints and springs depend on the places of balls.
+        self._mechanics = Whole.of(tree) if tree.joint or tree.spring else None
         self.values: dict[str, F64] = {}
         self._places: dict[str, _Place] = {}
         self.cases = 1
@@ -97,6 +111,11 @@ class Overrides:
                     f"simulate_batch: {quoted(key)} of all balls: the scene has clumps, whose balls move as one;"
                     f' name the spheres one by one, as "cue.{key}"'
                 )
+            if key in QUANTITIES and self._absent.any():
+                raise CaromError(
+                    f"simulate_batch: {quoted(key)} of all balls: those of inflows enter where and as their table says;"
+                    f' name the spheres one by one, as "cue.{key}"'
+                )
             width = WIDTHS[key]
             return _Place(key, ()), (len(self._names), *([width] if width else []))
         owner, _, quantity = key.rpartition(".")
@@ -107,7 +126,7 @@ class Overrides:
             axes = "wxyz" if width == 4 else "xyz"
             if not width or letters not in axes:
                 raise CaromError(f"simulate_batch: {quoted(key)}: {quoted(quantity)} has no {letters}")
-            return _Place(quantity, (self._body(key, owner), axes.index(letters))), ()
+            return _Place(quantity, (self._body(key, owner, quantity), axes.index(letters))), ()
         if "/" in owner and owner not in self._names:
             return self._law(key, owner, quantity), ()
         if quantity not in WIDTHS:
@@ -117,9 +136,9 @@ class Overrides:
                 ' write "velocity", "cue.velocity", "cue.velocity.x" or "ball/cloth.friction"'
             )
         width = WIDTHS[quantity]
-        return _Place(quantity, (self._body(key, owner),)), ((width,) if width else ())
+        return _Place(quantity, (self._body(key, owner, quantity),)), ((width,) if width else ())
 
-    def _body(self, key: str, owner: str) -> int:
+    def _body(self, key: str, owner: str, quantity: str) -> int:
         if owner not in self._names:
             cure = among(owner, list(self._names))
             raise CaromError(f"simulate_batch: {quoted(key)}: no ball is called {quoted(owner)}; {cure}")
@@ -128,7 +147,13 @@ class Overrides:
                 f"simulate_batch: {quoted(key)}: {quoted(owner)} is a part of clump {quoted(self._parts[owner])};"
                 " make a scene for each case, or give the file [parameters]"
             )
-        return self._names[owner]
+        number = self._names[owner]
+        if quantity in QUANTITIES and self._absent[number]:
+            raise CaromError(
+                f"simulate_batch: {quoted(key)}: {quoted(owner)} is of an inflow and enters where and as its table says;"
+                " make a scene for each case, or give the file [parameters]"
+            )
+        return number
 
     def _law(self, key: str, owner: str, quantity: str) -> _Place:
         pair = set(owner.split("/", 1))
@@ -143,7 +168,24 @@ class Overrides:
     def model(self, case: int) -> dict[str, Any]:
         """The argument of the core for one case."""
         model = self._laid_over(case)
+        placed = {place.array for place in self._places.values()} & {*QUANTITIES, "radius"}
+        if self._mechanics is not None and placed:
+            self._join(model, {key: model[key] for key in placed})
         return without_idle_cohesion(model)
+
+    def _join(self, model: dict[str, Any], placed: Mapping[str, Any]) -> None:
+        """Joints and loads of balls that have been `placed`, as of a scene of them: refused where that scene would be."""
+        assert self._mechanics is not None
+        start = replace(self._start, **placed)
+        if wrong := list(check_start(replace(self._mechanics, _bodies=start))):
+            raise ScenarioError(self._scene._problem(finding) for finding in wrong)
+        tree, number = self._scene._tree, numbers(start)
+        if tree.joint:
+            model["joints"] = joints_for_core(tree.joint, start, number)
+        if "loads" in model:
+            model["loads"] = loads_for_core(
+                tree.load, tree.spring, tree.drag, tree.load_function, start, number
+            )
 
     def _laid_over(self, case: int) -> dict[str, Any]:
         """The same, with the numbers of all laws."""
@@ -162,7 +204,18 @@ class Overrides:
             self._inertia(model)
         if "orientation" in touched:
             q = model["orientation"]
-            model["orientation"] = q / np.linalg.norm(q, axis=1, keepdims=True)
+            length = np.linalg.norm(q, axis=1, keepdims=True)
+            # Of one component that is given the others are to follow.
+            wide = [p.index for p in self._places.values() if p.array == "orientation" and len(p.index) < 2]
+            given = np.zeros(len(q), dtype=bool)
+            for index in wide:
+                given[index] = True
+            if len(wrong := np.flatnonzero(given & ~(np.abs(length[:, 0] - 1.0) <= OFF_UNIT))):
+                ball = quoted(self._scene.names[wrong[0]])
+                raise CaromError(
+                    f"orientation of {ball}: a unit quaternion has length 1, found {length[wrong[0], 0]:.9g}"
+                )
+            model["orientation"] = q / length
         return model
 
     def _inertia(self, model: dict[str, Any]) -> None:

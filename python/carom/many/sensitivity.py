@@ -88,6 +88,8 @@ def sensitivity(
     """
     if not to:
         raise CaromError('sensitivity: to names no input; name some, as ["cue.velocity.x"]')
+    if (method := options.get("method", "events")) != "events":
+        raise CaromError(f"sensitivity: method must be events, whose motions are exact, found {method!r}")
     options = {**options, "method": "events"}
     runs = (
         _of_function(scene, to, threads, options)

@@ -26,6 +26,7 @@ from carom.run.sinks import Interrupt, Recorder
 from carom.run.watch import State
 from carom.scene.assembly.arrays import identify
 from carom.scene.checks.areas import first_area_to_go
+from carom.scene.plan import MOST_STEPS
 
 if TYPE_CHECKING:
     from carom._core import Block
@@ -73,13 +74,17 @@ class Simulation(State):
         keep: bool = True,
         **options: Unpack[Options],
     ) -> None:
+        if not isinstance(keep, bool | np.bool_):
+            raise CaromError(f"Simulation: keep must be True or False, found {keep!r}")
+        if unused := [key for key in options if key.startswith("checkpoint_")]:
+            raise CaromError(f"Simulation: {unused[0]}: it writes no checkpoints; keep what state() returns")
         scene = scene_of(scene, "Simulation", case=case, parameters=parameters)
         scene = scene.with_options(**options) if options else scene
         if scene.run.until is None:
             scene = scene.with_options(until=scene.run.step, every=scene.record.every or 1)
         for advice in scene.validate():
             warnings.warn(str(advice), CaromWarning, stacklevel=2)
-        self._run, self._keep = Run(scene), keep
+        self._run, self._keep = Run(scene), bool(keep)
         self._gone = first_area_to_go(scene._walls(), scene.world.periodic)
         self._core = self._run.simulation
         self._origin = _origin(self._run.model)
@@ -112,6 +117,8 @@ class Simulation(State):
         if not is_whole(n) or n < 0:
             raise CaromError(f"step: a number of steps from 0 on is needed, found {n!r}")
         plan, target = self._run.plan, self.steps + int(n)
+        if target > MOST_STEPS:
+            raise CaromError(f"step: {n} more are beyond step 10^12; make fewer steps")
         if self._gone is not None:
             self._gone.refuse(target * plan.step, "step")
         if self._keep:
@@ -141,8 +148,8 @@ class Simulation(State):
 
         To strike a ball, change its row of `state["velocity"]` (M, 3), m/s, or `state["angular_velocity"]`, rad/s, before;
         M are the N balls, then the clumps, whose balls follow them, then the free walls. Rows of `position` and
-        `orientation` place them anew. `CaromError` where it is not a state of this step and these bodies, a ball of a clump is struck or
-        placed by itself, or a joint does not hold where its ends are.
+        `orientation` place them anew. `CaromError` where it is not a state of this step and these bodies, where a ball of a
+        clump is struck or placed by itself, or where a joint does not hold. Until the next step `contacts` is 0.
         """
         state = self._placed(self._checked(state))
         try:
@@ -173,6 +180,11 @@ class Simulation(State):
             cure = did_you_mean(unknown[0], self._known)
             raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
         kept = dict(state)
+        made = np.ravel(kept.get("step", 0))
+        if len(made) != 1 or made.dtype.kind not in "iu" or not 0 <= made[0] <= MOST_STEPS:
+            raise CaromError(
+                f"restore: step must be one whole number from 0 to 10^12, found {kept['step']!r}"
+            )
         # A state of version 0.2.0 does not say where it is from.
         differs = {key for key, here in self._origin.items() if not np.array_equal(kept.pop(key, here), here)}
         if "bodies" in differs:

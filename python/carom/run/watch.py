@@ -93,7 +93,7 @@ class State(Motion[Array]):
 
     @property
     def contacts(self) -> int:
-        """Closed contacts in the last step."""
+        """Closed contacts in the last step; 0 before the first one, and after a state was restored."""
         self._fetch_allowed()
         counts: Any = () if self._block is None else self._block["steps"].get("contacts", ())
         return int(counts[-1]) if len(counts) else 0

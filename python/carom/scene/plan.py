@@ -9,6 +9,8 @@ from carom.errors import CaromError
 
 #: Bytes of results in memory above which a run or a batch is refused rather than left to the system's killer.
 MOST_BYTES = 8 * 1024**3
+#: Steps that a run may have at most: more would take a lifetime, and times are exact far beyond.
+MOST_STEPS = 10**12
 #: About the bytes of a row of the table of steps.
 STEP_BYTES = 250
 #: Steps by which `until` may be beyond a whole number of them without one more, for it is rounded as the step is. Of very

@@ -29,7 +29,7 @@ from carom.scene.checks.overlap import overlaps
 from carom.scene.checks.penalty import check_penalty
 from carom.scene.checks.walls import MOST, check_periodic, check_walls, start_overlap
 from carom.scene.messages import Finding
-from carom.scene.plan import SLACK, whole_steps
+from carom.scene.plan import MOST_STEPS, SLACK, whole_steps
 from carom.scene.tables.balls import MOST_BALLS, Ball, Generator
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import Clump
@@ -173,7 +173,7 @@ def _times(parts: Parts) -> Iterator[Finding]:
     elif run.until < run.step * (1 - SLACK):
         cause = f"until = {run.until:g} s is shorter than one step of {run.step:g} s"
         yield Finding(("run", "until"), cause, "give a longer until or a shorter step")
-    elif steps(run) > 10**12:
+    elif steps(run) > MOST_STEPS:
         cause = f"{run.until:g} s in steps of {run.step:g} s are more than 10^12 steps"
         yield Finding(("run", "step"), cause, "give a longer step or a shorter until")
 
