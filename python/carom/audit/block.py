@@ -246,7 +246,7 @@ class Block:
     @cached_property
     def kept(self) -> Bool:
         """(B,) whether the impulses of contacts and joints of the interval are whole: the last frame of a run that did not
-        reach its end is the bare state.
+        reach its end is the bare state, and so is one of `Simulation.result` off the grid.
         """
         run = self.run
         if not run.result._has_bare_end:
