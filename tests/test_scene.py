@@ -422,7 +422,7 @@ def test_nothing_is_lost_on_the_way_to_text_and_back(scene: Scene) -> None:
             ],
         ),
         (lambda s: carom.simulate(s, save="x"), ["carom.simulate: save: unknown option; write out="]),
-        (lambda s: carom.simulate(s, sve=1), ["carom.simulate: sve: unknown option; known: until, step"]),
+        (lambda s: carom.simulate(s, xyzzy=1), ["carom.simulate: xyzzy: unknown option; known: until, step"]),
         (lambda s: carom.simulate(3), ["simulate takes a Scene or the path of a scenario file, found int"]),
     ],
 )

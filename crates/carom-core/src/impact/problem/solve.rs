@@ -378,7 +378,7 @@ impl ImpactScratch {
         }
         if self.softness > 0.0 {
             // What is left over the softness tells solutions apart.
-            let finer = FINER.max(LEAST_TOLERANCE / options.tolerance).min(1.0);
+            let finer = (LEAST_TOLERANCE / options.tolerance).min(1.0);
             options.tolerance *= finer;
             options.floor *= finer;
             options.softness = self.softness;
