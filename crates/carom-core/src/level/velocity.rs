@@ -108,8 +108,8 @@ fn solve_single<const MOVING: bool>(on: &mut On, m: u32) {
     }
     let target = &mut on.scratch.contacts[m as usize];
     target.lambda = packed;
-    if resting && target.load != [0.0; 6] {
-        // Solved anew with the positions of the end: all of it is of the loads, which act half-way.
+    if MOVING && resting && target.load != [0.0; 6] {
+        // Solved anew with the wall at the end: all of it is of the loads, which act half-way.
         target.load = packed;
     }
     target.status = status;
