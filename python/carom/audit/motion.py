@@ -365,11 +365,9 @@ def _levers(block: Block, w: int, k: I64, a: I64) -> tuple[F64, F64]:
     start, end = place(block.t0, block.x0), place(block.t1, block.x1)
     centre = run.between(block.t1[k], block.x1[k, a], end)
     way = (block.x1[k, a] - block.x0[k, a]) - (end - start)
-    passed = ways_half_way(block)[k, a] - passed_half_way(block) * (end - start)
-    if w < free:
-        at = run.balls + w
-        passed = ways_half_way(block)[k, a] - ways_half_way(block)[k, at]
-    return centre, way - passed
+    ways = ways_half_way(block)
+    of_wall = ways[k, run.balls + w] if w < free else passed_half_way(block) * (end - start)
+    return centre, way - (ways[k, a] - of_wall)
 
 
 def _pulled_moments(block: Block, summed: F64, size: F64) -> None:

@@ -616,6 +616,10 @@ class Replay:
         taken = (np.minimum.reduceat(r.scale, first) > 0.0) & (np.maximum.reduceat(r.scale, first) < 1.0)
         # (A collective impact may have less; how much less, a solution without restitution would tell.)
         taken &= run.impact_law.restitution == "newton" and not run.ends(r.problem[:1])[0]
+        # (So may a group beside another one: they have one share where they would close a contact between them.)
+        each = np.unique(np.stack([r.k, groups(self.block, r)]), axis=1)[0]
+        shares = np.unique(np.stack([r.k.astype(np.float64), r.scale]), axis=1)[0].astype(np.int64)
+        taken &= (np.bincount(each, minlength=count) == np.bincount(shares, minlength=count))[k]
         value[k[taken]] = np.maximum(value, np.abs(since))[k[taken]]
         self._tell("passivity", rows.start + largest, value[k], bound[k])
 

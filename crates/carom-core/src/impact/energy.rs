@@ -225,6 +225,28 @@ mod tests {
     }
 
     #[test]
+    fn groups_that_would_close_a_contact_between_them_have_the_lesser_share() {
+        let kinetic = || vec![1.0; 5];
+        let mut between = ContactWork {
+            // Open as little as the one side takes of it, of which the other has less.
+            normal: [0.0, -1.0, 1.5],
+            ..ContactWork::between(1, 2)
+        };
+        let gains = [
+            at(0, 1, [-1.0, 0.0, 0.0]),
+            at(2, 3, [-0.1, 0.0, 0.2]),
+            at(4, WORLD, [-1.0, 0.0, 0.0]),
+        ];
+        let with = |between| [gains[0], gains[1], gains[2], between];
+        let root = 0.5_f64.sqrt();
+        let found = scales(&with(between), Admit::Explained, kinetic).unwrap();
+        assert!((found[2] - root).abs() < 1e-15 && found[0] == 1.0 && found[4] == 1.0);
+        between.normal[2] = 1.1;
+        let found = scales(&with(between), Admit::Explained, kinetic).unwrap();
+        assert!(found[..4].iter().all(|s| (s - root).abs() < 1e-15) && found[4] == 1.0);
+    }
+
+    #[test]
     fn the_work_of_a_row_is_that_of_its_mean_velocity_and_the_root_has_none() {
         let mut work = ContactWork::between(0, WORLD);
         let (before, impulse, change) = (-1.5, [1.2, 2.9], [1.5, 3.5]);

@@ -63,15 +63,11 @@ impl ImpactScratch {
         } else {
             None
         };
-        let tried = soft.is_some().then(|| on.snapshot());
-        if !self.solve_stated(on, problem, soft.as_deref().or(warm)) {
-            let Some(before) = tried else {
-                return false;
-            };
-            on.restore(before);
-            if !self.solve_stated(on, problem, warm) {
-                return false;
-            }
+        let solve = |own: &mut Self, on: &mut On, start: Option<&[f64]>| {
+            own.solve_stated(on, problem, start)
+        };
+        if !self.solve_from(on, [soft.as_deref(), warm], solve) {
+            return false;
         }
         // The files of problems know no least impulses.
         if law != Law::Expansion && on.scratch.keeper.wants(self.last.iterations) {
@@ -92,7 +88,9 @@ impl ImpactScratch {
         let loads = std::mem::take(&mut self.loads);
         let load = std::mem::take(&mut self.sub.load);
         let soft = self.softly(on, 1);
-        let solved = self.solve_built(on, 1, soft.as_deref());
+        let solve =
+            |own: &mut Self, on: &mut On, start: Option<&[f64]>| own.solve_built(on, 1, start);
+        let solved = self.solve_from(on, [soft.as_deref(), None], solve);
         (self.loads, self.sub.load) = (loads, load);
         self.expansion.clear();
         self.expansion.resize(self.full.rows(), 0.0);
@@ -387,6 +385,23 @@ impl ImpactScratch {
         options
     }
 
+    /// Solves from a soft solution, and from another start where there is none or nothing is found from it: what was tried is no part of the step.
+    fn solve_from(
+        &mut self,
+        on: &mut On,
+        [soft, start]: [Option<&[f64]>; 2],
+        mut solve: impl FnMut(&mut Self, &mut On, Option<&[f64]>) -> bool,
+    ) -> bool {
+        if soft.is_some() {
+            let before = on.snapshot();
+            if solve(self, on, soft) {
+                return true;
+            }
+            on.restore(before);
+        }
+        solve(self, on, start)
+    }
+
     /// The impulses of the problem at hand where contacts give way a little, from nothing: of many solutions the least, as equal springs would share it.
     /// Nothing where there is one contact, where heaps are swept to a coarse tolerance, or where they were not found.
     fn softly(&mut self, on: &mut On, problem: u32) -> Option<Vec<f64>> {
@@ -401,7 +416,7 @@ impl ImpactScratch {
         for (stage, softness) in SOFTNESS.into_iter().enumerate() {
             let from: Option<Vec<f64>> = found.clone();
             if let (Some(from), true) = (&from, stage > FIRM) {
-                // From there on without what the softness has left: Newton's method alone would go along what holds itself.
+                // From there on without what the softness has left: Newton's method alone would go along self-stress.
                 for c in self.sub.contacts.iter().filter(|c| !c.bilateral) {
                     for row in c.rows() {
                         self.sub.z0[row] = stated[row] - softness * self.sub.diag[row] * from[row];
