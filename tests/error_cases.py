@@ -626,7 +626,7 @@ CALLED: dict[str, tuple[str, Callable[[], Any]]] = {
         "Scene.sphere",
         lambda: _scene().sphere("b", radius=1, mass=1, at=(3, 0, 0), material="m", colour=1),  # type: ignore[call-arg]
     ),
-    "only ... can be given without a name": ("Scene.sphere", lambda: _scene().sphere("b", 1.0, "m")),  # type: ignore[call-arg, misc]
+    "... can be given without a name": ("Scene.sphere", lambda: _scene().sphere("b", 1.0, "m")),  # type: ignore[call-arg, misc]
     "both position and at are given": (
         "at",
         lambda: _scene().sphere("b", radius=1, mass=1, at=(3, 0, 0), position=(3, 0, 0), material="m"),

@@ -291,3 +291,29 @@ def test_groups_of_more_than_a_hundred_contacts_are_audited() -> None:
     assert max(found.steps["largest_island"]) > 100
     report = check(found)
     assert report.ok, str(report)
+
+
+def test_surfaces_with_two_laws_share_a_ball_in_any_order() -> None:
+    """As `nsga` has it: half the load each, so the mean friction. On a seam that ends it is exact again."""
+    carried = []
+    for order in ("slow fast", "fast slow"):
+        scene = carom.Scene("two", gravity=(0, 0, -G), run={"method": "events", "until": 0.4, "step": 0.05})
+        for name, friction in (("slow", 0.4), ("fast", 0.1)):
+            scene.contact("ball", name, friction=friction, restitution=0.5)
+        for name in order.split():
+            scene.plane(name, point=(0, 0, 0), normal=(0, 0, 1), material=name)
+        scene.sphere("a", radius=R, mass=0.2, position=(0, 0, R), velocity=(0, 1, 0), material="ball")
+        result = carom.simulate(scene)
+        assert result.summary["handovers"] == 1
+        carried.append(result["a"].position[-1, 1])
+    slides = 1.0 / (3.5 * 0.25 * G)
+    way = 1.0 * slides - 0.5 * 0.25 * G * slides**2 + (0.4 - slides) * 5 / 7
+    np.testing.assert_allclose(carried, way, rtol=0, atol=2e-5)
+
+
+def test_a_ball_leaves_by_an_outlet_with_its_velocity() -> None:
+    scene = shot(until=0.5)
+    scene.outlet(low=(0.3, -1, -1), high=(1.0, 1, 1))
+    rows = carom.simulate(scene).transitions
+    (row,) = np.flatnonzero(np.asarray(rows["event"]) == "outlet")
+    assert rows["velocity"][row, 0] == pytest.approx(np.sqrt(4.0 - 2 * MU * G * 0.3), abs=1e-13)

@@ -57,7 +57,7 @@ impl Run<'_> {
         }
     }
 
-    /// The level surface that carries ball `i` in its present state, and the gap (m) to it.
+    /// The level surface that carries ball `i` in its present state, and the gap (m) to it. None where two do by different laws: they share its load.
     pub fn support(&self, i: usize) -> Option<(Support, f64)> {
         let (model, x, v) = (self.model, self.state.position[i], self.state.velocity[i]);
         let r = model.radius[i];
@@ -66,7 +66,7 @@ impl Run<'_> {
         }
         let ahead = x + AHEAD * r * v.normalize_or_zero();
         let walls = model.walls.iter().enumerate();
-        walls.into_iter().find_map(|(w, wall)| {
+        let mut carrying = walls.filter_map(|(w, wall)| {
             if wall.shape.clearance(x, r) > JOINS * r {
                 return None;
             }
@@ -91,7 +91,11 @@ impl Run<'_> {
                 law,
             };
             Some((support, met.gap))
-        })
+        });
+        let first = carrying.next()?;
+        let bounds = |s: &Support| model.laws[s.law as usize].bounds;
+        let all_alike = carrying.all(|(other, _)| bounds(&other) == bounds(&first.0));
+        all_alike.then_some(first)
     }
 
     pub fn nothing(&self, r: f64) -> crate::meet::Nothing {

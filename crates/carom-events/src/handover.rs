@@ -136,8 +136,7 @@ impl Run<'_> {
     fn take_out_all(&mut self, now: f64) {
         for i in 0..self.model.bodies() {
             if is_out(self.model, self.state, i) {
-                self.leave(i, now);
-                self.note(now, Kind::Outlet, i, None, [Mode::Stepped, Mode::Gone]);
+                self.leave(i, now, Mode::Stepped);
             }
         }
     }
@@ -158,7 +157,7 @@ impl Run<'_> {
         let presses = |c: &Contact| {
             let i = c.a as usize;
             c.lambda[0] > LOADED * self.model.mass[i] * g * h
-                && self.support(i).is_none_or(|(s, _)| s.wall != c.b)
+                && self.support(i).is_none_or(|(s, _)| (c.b as usize) < n || c.n1 != s.normal)
                 && !(lies(c.a) && lies(c.b))
         };
         self.scratch.contacts.iter().any(presses)

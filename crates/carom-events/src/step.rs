@@ -169,8 +169,7 @@ impl Run<'_> {
         let (mode, end, on) = (motion.mode, motion.end, motion.support);
         match event.what {
             What::Leave => {
-                self.leave(i, t);
-                self.note(t, Kind::Outlet, i, None, [mode, Mode::Gone]);
+                self.leave(i, t, mode);
             }
             What::Edge => {
                 self.go_on(&[i], t);
@@ -220,8 +219,9 @@ impl Run<'_> {
         self.set_off(i, t, on.map(|support| (support, 0.0)), turned);
     }
 
-    /// A ball is in the box of an outlet.
-    pub fn leave(&mut self, i: usize, t: f64) {
+    /// A ball, which moved in some way, is in the box of an outlet.
+    pub fn leave(&mut self, i: usize, t: f64, mode: Mode) {
+        self.note(t, Kind::Outlet, i, None, [mode, Mode::Gone]);
         let at = (self.state.step + 1, self.span.start + t);
         take_out(self.model, self.state, i, at, &mut self.scratch.left);
         self.events.queue.forget(i);

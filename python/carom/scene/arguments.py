@@ -82,6 +82,7 @@ def _misfits(method: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str
     positional = [p.name for p in named if p.kind is not p.KEYWORD_ONLY]
     if not found:
         others = [f"{p.name}=" for p in named if p.kind is p.KEYWORD_ONLY]
-        cause = f"only {', '.join(positional) or 'nothing'} can be given without a name"
+        only = f"only {', '.join(positional)}" if positional else "nothing"
+        cause = f"{only} can be given without a name"
         found.append(Problem(label, "", cause, f"write the others as {', '.join(others[:3])} ..."))
     return found
