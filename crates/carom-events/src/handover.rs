@@ -157,7 +157,9 @@ impl Run<'_> {
         let presses = |c: &Contact| {
             let i = c.a as usize;
             c.lambda[0] > LOADED * self.model.mass[i] * g * h
-                && self.support(i).is_none_or(|(s, _)| (c.b as usize) < n || c.n1 != s.normal)
+                && self
+                    .support(i)
+                    .is_none_or(|(s, _)| (c.b as usize) < n || c.n1 != s.normal)
                 && !(lies(c.a) && lies(c.b))
         };
         self.scratch.contacts.iter().any(presses)
