@@ -95,6 +95,17 @@ impl Contact {
         0.5 * h * self.load[0]
     }
 
+    /// Whether its impact was missed: the smooth motion made it overlap, not the correction of a neighbour, and it opened again at `free` (m/s, beyond `none`)
+    /// without an impulse.
+    #[inline]
+    pub(crate) fn missed(&self, model: &Model, free: f64, none: f64) -> bool {
+        let overlapped = self.gap_check < 0.0 && self.nu[0] > 0.0;
+        overlapped
+            && self.lambda[0] == 0.0
+            && free > none
+            && self.gap_start > model.options.touching_tolerance * self.length
+    }
+
     /// Whether body B is a wall that stands, or moves as prescribed.
     #[inline]
     pub fn is_wall(&self, model: &Model) -> bool {

@@ -51,9 +51,7 @@ fn solve_single<const MOVING: bool>(on: &mut On, m: u32) {
     let c = &on.scratch.contacts[m as usize];
     let (lone, still) = Lone::<MOVING>::of(on, c);
     let (check, tol) = (lone.check.normal, lone.tol);
-    if c.nu[0] > 0.0 && check > tol && c.gap_start > options.touching_tolerance * c.length {
-        on.report.missed_impacts += 1;
-    }
+    on.report.missed_impacts += u32::from(c.missed(on.task.model, check, tol));
     let one_shot = options.impact == Impact::OneShot;
     if still || (!one_shot && check >= -tol) {
         return;

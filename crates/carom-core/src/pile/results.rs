@@ -148,11 +148,7 @@ impl Found {
             }
         }
         c.work = [m.work[0], m.work[1], turning.work[0], turning.work[1]];
-        let touching = c.gap_start <= model.options.touching_tolerance * c.length;
-        let overlapped = c.gap_check < 0.0 && c.nu[0] > 0.0;
-        if overlapped && c.lambda[0] == 0.0 && free > m.closing && !touching {
-            self.missed += 1;
-        }
+        self.missed += u32::from(c.missed(model, free, m.closing));
         if m.problem == 0 {
             return;
         }

@@ -189,12 +189,7 @@ impl ImpactScratch {
             contact.work = self.work[slot];
             contact.status = self.status[slot];
             let free = self.relative::<1>(c, c.row as usize, &self.v_check);
-            let touching = contact.gap_start <= model.options.touching_tolerance * contact.length;
-            // Overlap made by the smooth motion, not by a neighbour's position correction, and of what loads do not bring back.
-            let overlapped = contact.gap_check < 0.0 && contact.nu[0] > 0.0;
-            if overlapped && contact.lambda[0] == 0.0 && free > self.closing[slot] && !touching {
-                report.missed_impacts += 1;
-            }
+            report.missed_impacts += u32::from(contact.missed(model, free, self.closing[slot]));
         }
     }
 }
