@@ -46,7 +46,7 @@ def sweeps(
         "wall_s": wall,
         "why": "few contacts",
     }
-    return {"r": r, "converged": True, "iterations": k, "wall_s": wall, "stages": [stage]}
+    return {"r": r, "converged": True, "err_scaled": 0.0, "iterations": k, "wall_s": wall, "stages": [stage]}
 
 
 def install(monkeypatch: pytest.MonkeyPatch, solve: Callable[..., dict[str, Any]] = sweeps) -> None:

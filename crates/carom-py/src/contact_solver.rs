@@ -113,7 +113,7 @@ pub fn solve_contact_problem<'py>(
     Ok(dict! { py,
         "r": PyArray1::from_vec(py, r),
         "converged": outcome.converged,
-        "explained": !outcome.ran_away,
+        "err_scaled": outcome.err_scaled,
         "iterations": outcome.iterations,
         "wall_s": began.elapsed().as_secs_f64(),
         "stages": stages.collect::<PyResult<Vec<_>>>()?,

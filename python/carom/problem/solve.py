@@ -81,8 +81,9 @@ class Solution:
     wall_s: float
     """Time of the core, s: setting up, scaling and solving, but neither reading nor the elimination of bodies."""
     stages: tuple[Stage, ...]
-    explained: bool = True
-    """False where forces grew so large that `err` means nothing: contacts that cannot all be kept apart."""
+    err_scaled: float = 0.0
+    """The residual of the scaled problem, which units do not change. Where forces grow without bound, because contacts
+    cannot all be kept apart, it is what they leave of the velocities."""
 
     @property
     def err(self) -> float:
@@ -91,8 +92,8 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether `err` is at most `tol`, with forces that did not grow without bound (`explained`)."""
-        return self.err <= self.tol and self.explained
+        """Whether `err` and `err_scaled` are at most `tol`."""
+        return max(self.err, self.err_scaled) <= self.tol
 
     @cached_property
     def v(self) -> F64 | None:
@@ -125,6 +126,7 @@ class Solution:
             "solver": self.solver,
             "converged": self.converged,
             "err": self.err,
+            "err_scaled": self.err_scaled,
             "tolerance": self.tol,
             "iterations": self.iterations,
             "wall_s": self.wall_s,
@@ -134,8 +136,9 @@ class Solution:
 
     def __str__(self) -> str:
         verdict = "solved" if self.converged else "NOT solved"
+        scaled = f", scaled {self.err_scaled:.3g}" if self.err_scaled > self.tol else ""
         return (
-            f"{verdict} by {self.solver}: err = {self.err:.3g} (tolerance {self.tol:g}),"
+            f"{verdict} by {self.solver}: err = {self.err:.3g}{scaled} (tolerance {self.tol:g}),"
             f" {counted(self.iterations, 'iteration')}, {seconds(self.wall_s)}"
         )
 
@@ -148,7 +151,7 @@ class Solution:
         worst = self.residual
         facts = [
             ("problem", f"{self.problem.title} ({self.problem.contacts} contacts, {len(self.r)} rows)"),
-            ("err", f"{self.err:.3g} (tolerance {self.tol:g})"),
+            ("err", f"{self.err:.3g}, scaled {self.err_scaled:.3g} (tolerance {self.tol:g})"),
             ("worst contact", f"{worst.worst}: {worst.worst_natural_map:.3g}"),
             ("complementarity", f"{worst.complementarity:.3g}"),
             ("outside the cone", f"{worst.cone_violation:.3g}"),
@@ -165,7 +168,7 @@ class Solution:
 
 
 class SolveFailed(CaromError):
-    """No r with `err` at most `tol` was found; `solution` holds the last one, with its residual and its stages."""
+    """No r with both residuals at most `tol` was found; `solution` holds the last one, with its residual and its stages."""
 
     def __init__(self, message: str, solution: Solution) -> None:
         super().__init__(message)
@@ -253,7 +256,7 @@ def solve(
         iterations=int(found["iterations"]),
         wall_s=float(found["wall_s"]),
         stages=tuple(Stage(**stage) for stage in found["stages"]),
-        explained=bool(found.get("explained", True)),
+        err_scaled=float(found["err_scaled"]),
     )
     if not solution.converged and on_nonconvergence == "raise":
         cure = "error.solution holds what was found; another solver, more iterations or a larger tol may do"

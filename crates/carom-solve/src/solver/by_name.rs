@@ -60,9 +60,9 @@ pub fn solve(
     }
     scaled.leave(&judge.best, r);
     Outcome {
-        converged: judge.best_given <= settings.tolerance && !judge.best_ran_away,
-        ran_away: judge.best_ran_away,
+        converged: judge.solved(),
         err: judge.best_given,
+        err_scaled: judge.best_scaled,
         iterations: judge.stages.iter().map(|s| s.iterations).sum(),
         stages: judge.stages,
     }

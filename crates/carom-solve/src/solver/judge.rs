@@ -73,10 +73,12 @@ pub struct Stage {
 /// What came out.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
+    /// Whether both residuals are within the tolerance.
     pub converged: bool,
-    /// Forces grew so large that `err` means nothing.
-    pub ran_away: bool,
+    /// Natural-map residual of the problem as given.
     pub err: f64,
+    /// That of the scaled problem, which units do not change; of forces that ran away what they leave of the velocities.
+    pub err_scaled: f64,
     pub iterations: u32,
     pub stages: Vec<Stage>,
 }
@@ -99,12 +101,12 @@ pub struct Judge<'a> {
     clock: Clock<'a>,
     /// Best scaled iterate so far; methods start from it.
     pub best: Vec<f64>,
-    /// Its `err`: the larger of those of the problem as given and as scaled.
+    /// Its `err`: the larger of the two below.
     pub best_err: f64,
-    /// `err` of the problem as given alone, at the best iterate.
+    /// `err` of the problem as given, at the best iterate.
     pub best_given: f64,
-    /// Its forces ran away: whatever `err` says, they are no solution.
-    pub(super) best_ran_away: bool,
+    /// The same of the scaled one; of forces that ran away what they leave of the velocities.
+    pub best_scaled: f64,
     r: Vec<f64>,
     u: Vec<f64>,
     pub stages: Vec<Stage>,
@@ -135,7 +137,7 @@ impl<'a> Judge<'a> {
             best: vec![0.0; n],
             best_err: f64::INFINITY,
             best_given: f64::INFINITY,
-            best_ran_away: false,
+            best_scaled: f64::INFINITY,
             r: vec![0.0; n],
             u: vec![0.0; n],
             stages: Vec::new(),
@@ -156,11 +158,11 @@ impl<'a> Judge<'a> {
         self.scaled.leave(y, &mut self.r);
         let given = natural::residual(self.source, &self.r, &mut self.u);
         let ran_away = share > EXPLAINED && share > RUNAWAY * scaled;
-        let err = if ran_away { share } else { scaled.max(given) };
+        let scaled = if ran_away { share } else { scaled };
+        let err = scaled.max(given);
         if err < self.best_err {
             self.best_err = err;
-            self.best_given = given;
-            self.best_ran_away = ran_away;
+            (self.best_given, self.best_scaled) = (given, scaled);
             self.best.copy_from_slice(y);
         }
         err
