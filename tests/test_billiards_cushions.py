@@ -88,3 +88,42 @@ def test_a_ball_that_leaves_is_left_alone() -> None:
         )
         assert v.tolist() == [-1.0, 0.2, 0.0]
         assert w.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_dead_nose_is_the_limit_of_little_restitution() -> None:
+    """Without restitution compression goes on to its end: the ball keeps no speed towards the nose."""
+    velocity, spin = np.array([1.0, 0.5, 0.0]), np.zeros(3)
+    given = {"radius": R, "nose_height": NOSE, "friction": MU, "bed_friction": MU_BED}
+    ends = [mathavan_2010(velocity, spin, **given, restitution=e) for e in (0.0, 1e-3)]
+    assert abs(ends[0][0][0]) < 1e-3
+    for dead, nearly in zip(*ends, strict=True):
+        assert dead == pytest.approx(nearly, abs=5e-3 * max(1.0, abs(nearly).max()))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"radius": -0.03}, "radius must be above 0"),
+        ({"nose_height": 0.09}, "nose_height must be above 0 and below the top of the ball"),
+        ({"restitution": 1.5}, "restitution must be from 0 to 1, found 1.5"),
+        ({"restitution": -1.0}, "restitution must be from 0 to 1"),
+        ({"restitution": float("nan")}, "restitution must be a finite number"),
+        ({"friction": -0.2}, "friction must not be negative, found -0.2"),
+    ],
+)
+def test_no_cushion_is_like_that(wrong: dict[str, float], told: str) -> None:
+    for model, more in ((han_2005, {}), (mathavan_2010, {"bed_friction": MU_BED})):
+        given = {"radius": R, "nose_height": NOSE, "restitution": E, "friction": MU, **more, **wrong}
+        with pytest.raises(carom.CaromError, match=f"{model.__name__}: {told}"):
+            model((1.0, 0.5, 0.0), (0.0, 0.0, 0.0), **given)
+    with pytest.raises(carom.CaromError, match="bed_friction must not be negative"):
+        mathavan_2010(
+            (1.0, 0.5, 0.0), (0.0, 0.0, 0.0), radius=R, nose_height=NOSE, restitution=E, friction=MU, bed_friction=-1
+        )
+
+
+def test_friction_that_holds_a_ball_between_nose_and_bed_is_told() -> None:
+    """The integration had gone on for ever."""
+    given = {"radius": R, "nose_height": NOSE, "restitution": E, "friction": 2.0, "bed_friction": 1.0}
+    with pytest.raises(carom.CaromError, match="wedge the ball"):
+        mathavan_2010((1.0, 0.5, 0.0), (0.0, 60.0, 0.0), **given, steps=100)

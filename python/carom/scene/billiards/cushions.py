@@ -20,10 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from carom.arrays import F64
+from carom.errors import CaromError
+from carom.scene.billiards.arguments import number
 
 UP = np.array([0.0, 0.0, 1.0])
 STEPS = 5000
 """Steps of the integration over an impulse, about: its error is of first order in them."""
+WEDGED = 20
+"""So many times the impulse without friction that stops no ball: nose and bed hold it between them."""
 
 
 def han_2005(
@@ -36,6 +40,7 @@ def han_2005(
     friction: float,
 ) -> tuple[F64, F64]:
     """Velocities and angular velocities (..., 3) after the cushion, of those before; SI."""
+    _check("han_2005", radius, nose_height, restitution, friction=friction)
     v, w = (np.array(x, dtype=np.float64) for x in (velocity, spin))
     arm = radius * _towards(radius, nose_height)
     n = arm / radius
@@ -59,13 +64,16 @@ def mathavan_2010(
     steps: int = STEPS,
 ) -> tuple[F64, F64]:
     """Velocities and angular velocities (..., 3) after the cushion, of those before; SI."""
+    _check("mathavan_2010", radius, nose_height, restitution, friction=friction, bed_friction=bed_friction)
     v, w = (np.array(x, dtype=np.float64) for x in (velocity, spin))
     n = _towards(radius, nose_height)
     arm, down = radius * n, -radius * UP
     step = ((1 + restitution) * np.maximum(v @ n, 0.0) / steps)[..., None]
     compression, work = (np.zeros(v.shape[:-1]) for _ in range(2))
     acts = v @ n > 0
-    while acts.any():
+    for _ in range(WEDGED * steps):
+        if not acts.any():
+            return v, w
         nose = -n - friction * _unit(_slip(v, w, arm))
         bed = np.maximum(-nose @ UP, 0.0)[..., None] * (UP - bed_friction * _unit(_slip(v, w, down)))
         by = np.where(acts[..., None], step, 0.0)
@@ -75,8 +83,25 @@ def mathavan_2010(
         done = 0.5 * by[..., 0] * (before + v @ n)
         compression += np.maximum(done, 0.0)
         work += np.maximum(-done, 0.0)
-        acts &= work < restitution**2 * compression
-    return v, w
+        acts &= (v @ n > 0) | (work < restitution**2 * compression)
+    raise CaromError(
+        f"mathavan_2010: with friction {friction:g} and bed_friction {bed_friction:g} nose and bed wedge the ball;"
+        " give less of them"
+    )
+
+
+def _check(call: str, radius: float, nose_height: float, restitution: float, **friction: float) -> None:
+    """Refuse what no cushion has: all but these gives velocities that look like some."""
+    if not number(call, "radius", radius) > 0:
+        raise CaromError(f"{call}: radius must be above 0, found {radius!r}")
+    if not 0 < number(call, "nose_height", nose_height) < 2 * radius:
+        span = f"must be above 0 and below the top of the ball, {2 * radius:g} m"
+        raise CaromError(f"{call}: nose_height {span}, found {nose_height!r}")
+    if not 0 <= number(call, "restitution", restitution) <= 1:
+        raise CaromError(f"{call}: restitution must be from 0 to 1, found {restitution!r}")
+    for name, value in friction.items():
+        if number(call, name, value) < 0:
+            raise CaromError(f"{call}: {name} must not be negative, found {value!r}")
 
 
 def _towards(radius: float, nose_height: float) -> F64:
