@@ -56,6 +56,40 @@ def test_first_contact_and_its_speed() -> None:
     assert events.first_contact(slow, "cue", "object") is None
 
 
+@pytest.mark.parametrize("step", [0.01, 0.3])
+def test_method_events_knows_its_times_however_far_apart_frames_are(step: float) -> None:
+    """Slip had ended up to a frame late, and hits at the end of their step."""
+    scene = shot(1.0, spin=0.0, method="events")
+    scene.outlet(low=(-1, 0.5, -1), high=(1, 0.6, 1))
+    scene.sphere("away", radius=R, mass=0.17, at=(-0.4, 0.0, R), material="ball")
+    scene.spheres[2].velocity = (0.0, 3.0, 0.0)
+    result = carom.simulate(scene, until=0.9, step=step)
+    rolls, hit = events.slip_to_roll(result, "cue", "bed"), events.first_contact(result, "cue", "object")
+    exact = 2.0 / (7.0 * MU * G)
+    assert rolls[0].time == pytest.approx(exact, abs=1e-12)
+    assert rolls[0].speed == pytest.approx(5.0 / 7.0, abs=1e-12)
+    met = exact + (0.5 - 2 * R - (1.0 - 0.5 * MU * G * exact) * exact) * 7.0 / 5.0
+    assert hit is not None
+    assert hit.time == pytest.approx(met, abs=1e-12)
+    assert hit.speed == pytest.approx(5.0 / 7.0, abs=1e-9)
+    [left] = events.departures(result)
+    assert left.time == pytest.approx((3.0 - np.sqrt(9.0 - 2 * MU * G * 0.5)) / (MU * G), abs=1e-9)
+    assert {e.within for e in (*rolls, hit, left)} == {events.ROUNDING}
+
+
+def test_what_method_events_steps_is_read_off_frames() -> None:
+    """A ball that turns against another one: its slip ends in steps, of which frames tell."""
+    scene = shot(0.0, spin=60.0, method="events", until=0.5, step=0.01)
+    scene.spheres[1].position = (2 * R, 0.0, R)
+    scene.contacts[0].friction = 0.3
+    result = carom.simulate(scene)
+    assert result.steps.stepped.sum() > 0
+    finer = carom.simulate(scene, method="nsga", step=1e-4, every=10)
+    [found], [expected] = (events.slip_to_roll(r, "cue", "bed") for r in (result, finer))
+    assert found.time == pytest.approx(expected.time, abs=1e-6)
+    assert found.within == pytest.approx(0.01)
+
+
 def test_rest_where_rolling_resistance_ends_the_motion() -> None:
     rho, speed = 2e-3, 0.3
     result = carom.simulate(shot(speed, spin=speed / R, rho=rho), until=0.8, every=5)

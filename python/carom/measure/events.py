@@ -3,6 +3,7 @@
 `result.events` is what the core itself records, balls that enter and leave; this page finds in the columns of any result
 what happened between. Each bound is an argument, and each time says how well it is known: impacts carry the time of the end
 of their step, so they happened up to one step earlier; what is read off the frames is known to the time between frames.
+Method `events` knows when slip ends and bodies meet, but for what it gives to steps: `_within` and `_stepped` say where.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from carom.scene.packing.neighbours import TOUCHING
 if TYPE_CHECKING:
     from carom.result.data import RunData
     from carom.result.kinematics import Frames
-    from carom.result.tables import Impacts
+    from carom.result.tables import Impacts, Table
     from carom.run.watch import State
 
 
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 SPEED = 1e-3
 #: How long all must be quiet for the stop condition `AtRest`, s.
 HOLD = 0.05
+
+#: How well method `events` knows a time, s: flights that are shorter end in contact (crates/carom-events).
+ROUNDING = 1e-9
 
 #: Numbers of a quantity that are read at a time: runs of many balls and frames do not fit the memory.
 BLOCK = 6_000_000
@@ -140,7 +144,8 @@ def slip_to_roll(
     """When balls that slid on a plane began to roll: their slip (m/s) came to `speed` or below.
 
     Slip falls linearly under dry friction, so the time is found by its slope in the two frames before, within the frames
-    around it. Without `body` of all balls, without `surface` on all planes that stand.
+    around it. Method `events` knows when slip ends: its times are these, whatever `speed` is, but for what it steps.
+    Without `body` of all balls, without `surface` on all planes that stand.
     """
     _bound(speed)
     names = result.names
@@ -149,7 +154,9 @@ def slip_to_roll(
     surfaces = [n for n in known if not _moves(result, n)] if surface is None else [surface]
     planes = [_plane(result, name) for name in surfaces]
     times = np.asarray(result.time)
-    found = []
+    found = _ends_of_slip(result, bodies, surfaces)
+    exact = {body: [e.time for e in found if e.body == body] for body in names}
+    steps = np.diff(np.searchsorted(_stepped(result), np.asarray(result.step), side="right")) > 0
     for low, high in _windows(len(times), len(names)):
         before = max(0, low - 2)  # the slope of slip is that of the two frames before
         motion, time = _motion(result, bodies, rows=slice(before, high)), times[before:high]
@@ -157,7 +164,10 @@ def slip_to_roll(
             state, slides, fast = _phases(result, motion, bodies, plane, speed)
             ends = (state[:-1] == SLIDING) & (state[1:] >= ROLLING)
             ends[: max(0, low - before - 1)] = False  # those of the window before
+            ends &= steps[before : high - 1, np.newaxis]
             for k, place in np.argwhere(ends).tolist():
+                if any(time[k] < known <= time[k + 1] for known in exact[names[bodies[place]]]):
+                    continue
                 at = _end_of_slip(time, slides[:, place], state[:, place], k, speed)
                 within = float(time[k + 1] - time[k])
                 found.append(Event("roll", at, within, names[bodies[place]], name, float(fast[k + 1, place])))
@@ -202,8 +212,9 @@ def rest(
 
 def departures(result: RunData) -> list[Event]:
     """Balls that left through an outlet, as one of a pocket."""
-    step = _step(result)
-    return [Event("left", time, step, ball) for ball, time in result.events.left()]
+    rows = result.events.where(np.asarray(result.events["kind"]) == 0)
+    known = zip(np.asarray(rows["time"]).tolist(), _within(result, rows).tolist(), rows["ball"], strict=True)
+    return [Event("left", time, within, str(ball)) for time, within, ball in known]
 
 
 class AtRest:
@@ -258,29 +269,29 @@ def _bound(speed: float) -> None:
 def _first(result: RunData, pair: set[int] | None) -> list[Event]:
     names = [*result.names, *result.wall_names]
     earliest: dict[tuple[int, int], Event] = {}
-    step, frames = _step(result), np.asarray(result.time)
+    frames = np.asarray(result.time)
     between = float(np.diff(frames).max()) if len(frames) > 1 else 0.0
     impacts, contacts = result.impacts, result.contacts
-    tables: list[tuple[Any, Any, Any, float]] = []
+    tables: list[tuple[Any, Any, F64]] = []
     if len(impacts):
-        tables.append((impacts["body"], impacts["time"], impacts["approach"], step))
+        tables.append((impacts, impacts["approach"], _within(result, impacts)))
     if len(contacts):
-        tables.append((contacts["body"], contacts["time"], None, between))
-    for bodies, times, closing, within in tables:
-        body, time = np.asarray(bodies).astype(np.int64), np.asarray(times)
+        tables.append((contacts, None, np.full(len(contacts), between)))
+    for rows, closing, within in tables:
+        body, time = np.asarray(rows["body"]).astype(np.int64), np.asarray(rows["time"])
         if pair is not None:
             low, high = min(pair), max(pair)
             chosen = np.flatnonzero((body.min(axis=1) == low) & (body.max(axis=1) == high))
-            body, time = body[chosen], time[chosen]
+            body, time, within = body[chosen], time[chosen], within[chosen]
             closing = None if closing is None else np.asarray(closing)[chosen]
         # Rows are in the order of time. One number for each pair: rows as such are sorted ten times more slowly.
         _, first = np.unique(body[:, 0] * len(names) + body[:, 1], return_index=True)
         for row in first.tolist():
             a, b = (int(i) for i in body[row])
             speed = float("nan") if closing is None else max(0.0, -float(np.asarray(closing)[row]))
-            event = Event("contact", float(time[row]), within, names[a], names[b], speed)
+            event = Event("contact", float(time[row]), float(within[row]), names[a], names[b], speed)
             # A contact of the frames is known less well than the impact that made it, which is no later than its frame.
-            if (a, b) not in earliest or event.time < earliest[a, b].time - 0.5 * step:
+            if (a, b) not in earliest or event.time < earliest[a, b].time - 0.5 * earliest[a, b].within:
                 earliest[a, b] = event
     return _sorted(earliest.values())
 
@@ -321,6 +332,25 @@ def _phases(
     return np.where(touches, state, AWAY).astype(np.int8), slides, fast
 
 
+def _ends_of_slip(result: RunData, bodies: list[int], surfaces: list[str]) -> list[Event]:
+    """Where method `events` found that balls no longer slide on planes."""
+    rows, names, walls = result.transitions, result.names, result.wall_names
+    if not len(rows):
+        return []
+    mode, body = np.asarray(rows["mode"]), np.asarray(rows["body"]).astype(np.int64)
+    on = [len(names) + k for k, name in enumerate(walls) if name in surfaces]
+    slid, after = rows.MODES.index("slide"), [rows.MODES.index(word) for word in ("roll", "spin", "rest")]
+    chosen = (mode[:, 0] == slid) & np.isin(mode[:, 1], after)
+    rows = rows.where(chosen & np.isin(body[:, 0], bodies) & np.isin(body[:, 1], on))
+    fast = np.linalg.norm(np.asarray(rows["velocity"]), axis=1)
+    return [
+        Event("roll", float(time), float(within), str(ball), str(surface), float(speed))
+        for time, within, (ball, surface), speed in zip(
+            np.asarray(rows["time"]), _within(result, rows), rows["pair"], fast, strict=True
+        )
+    ]
+
+
 def _end_of_slip(time: F64, slip: F64, state: NDArray[np.int8], k: int, speed: float) -> float:
     """When slip comes to `speed` between frames k and k + 1: by its slope before, or else on the straight line."""
     if k > 0 and state[k - 1] == SLIDING and slip[k - 1] > slip[k]:
@@ -347,6 +377,21 @@ def _index(name: str, known: Sequence[str]) -> int:
     if name not in names:
         raise UnknownName(f"nothing is called {name!r} there; {among(str(name), names)}")
     return names.index(name)
+
+
+def _stepped(result: RunData) -> Array:
+    """Numbers of the steps in which something was stepped: all, or of method `events` those in which bodies pressed."""
+    steps = result.steps
+    number = np.asarray(steps["step"])
+    return number[np.asarray(steps["stepped"]) > 0] if len(result.transitions) else number
+
+
+def _within(result: RunData, rows: Table) -> F64:
+    """How well the times of rows of the core are known, s."""
+    if not len(result.transitions):
+        return np.full(len(rows), _step(result))
+    pressed = min(_step(result), result.scene.run.pressing_step)
+    return np.where(np.isin(np.asarray(rows["step"]), _stepped(result)), pressed, ROUNDING)
 
 
 def _step(result: RunData) -> float:
