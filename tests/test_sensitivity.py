@@ -171,7 +171,7 @@ def test_where_there_is_no_derivative_it_says_so() -> None:
     for twice in (["cue.velocity.x"] * 2, ["ball/bed.friction", "bed/ball.friction"]):
         with pytest.raises(carom.CaromError, match="both name the same number"):
             carom.sensitivity(shot(0.6), twice)
-    with pytest.raises(carom.CaromError, match="a run fails"):
+    with pytest.raises(carom.CaromError, match=r'friction" = 0; its value lies at the border of its range: '):
         carom.sensitivity(shot(0.3, friction=0.0), ["ball/bed.friction"])  # none is below 0
     with pytest.raises(carom.CaromError, match="arguments of the function"):
         carom.sensitivity(shot, ["until"])
@@ -179,3 +179,34 @@ def test_where_there_is_no_derivative_it_says_so() -> None:
         carom.CaromError, match="method must be events, whose motions are exact, found 'moreau'"
     ):
         carom.sensitivity(shot(0.6), ["cue.velocity.x"], method="moreau")
+
+
+@pytest.mark.parametrize("step", [0.05, 3.0])
+def test_until_is_kept_to(step: float) -> None:
+    """The slide lasts until 0.29 s: x = v t - mu g t^2/2, whatever steps the scene has."""
+    for build in (shot(0.5), lambda speed: shot(0.5, speed=speed)):
+        to = {"speed": V} if callable(build) else ["cue.velocity.x"]
+        found = carom.sensitivity(build, to, until=0.123, step=step)
+        assert found.of("cue")[0, 0] == pytest.approx(0.123, abs=1e-9)
+    with pytest.raises(carom.CaromError, match=r"^sensitivity: until: must be positive"):
+        carom.sensitivity(shot(0.5), ["cue.velocity.x"], until=0)
+
+
+def test_another_method_of_the_scene_is_told_once() -> None:
+    scene = shot(0.1)
+    scene.run.method = "nsga"
+    with pytest.warns(carom.CaromWarning) as told:
+        found = carom.sensitivity(scene, ["cue.velocity.x"])
+    assert [str(w.message) for w in told if "method" in str(w.message)] == [
+        "sensitivity: the scene has method nsga; derivatives are by events, whose motions are exact"
+    ]
+    assert found.of("cue")[0, 0] == pytest.approx(0.1, abs=1e-9)
+
+
+def test_balls_that_left_are_named() -> None:
+    scene = shot(0.6)
+    scene.outlet(low=(0.2, -1, -1), high=(0.4, 1, 1))
+    found = carom.sensitivity(scene, ["cue.velocity.x"])
+    assert found.gone == ["cue"]
+    assert repr(found).endswith("NaN of cue, which left>")
+    assert carom.sensitivity(shot(0.1), ["cue.velocity.x"]).gone == []

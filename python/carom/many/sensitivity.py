@@ -9,6 +9,7 @@ table of transitions: a difference whose runs have other events than the shot it
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.errors import CaromError, quoted
+from carom.errors import CaromError, CaromWarning, quoted
 from carom.many import moved
 from carom.many.batch import simulate_batch
 from carom.many.batch_result import Batch
@@ -25,6 +26,7 @@ from carom.many.cases import Overrides
 from carom.many.quantity import USUAL
 from carom.result.tables import Transitions
 from carom.run.simulate import scene_of
+from carom.scene.plan import whole_steps
 from carom.scene.scene import Scene
 
 Events = list[tuple[int, ...]]
@@ -36,7 +38,7 @@ STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 PLACES = (1.0, -1.0, 0.5, -0.5)
 #: Error of a derivative over its size from which no smaller step is tried.
 ENOUGH = 1e-10
-OTHER = "other events follow: a hit grazes, or two happen at one time"
+OTHER = "other events follow: a hit grazes, two happen at one time, or a ball that lies still begins to move"
 OF_A_FUNCTION = "let a function build the scene, and name its argument"
 PRESS, SPIN_ENDS = (Transitions.EVENTS.index(event) for event in ("press", "spin ends"))
 
@@ -65,8 +67,16 @@ class Sensitivity:
             raise CaromError(f"there is no {quantity} of {quoted(ball)} in these sensitivities")
         return np.asarray(getattr(self, quantity)[:, self.names.index(ball)])
 
+    @property
+    def gone(self) -> list[str]:
+        """Balls that left, as into a pocket: they have no place at the end."""
+        there = np.isfinite(self.position).all(axis=(0, 2))
+        return [name for name, here in zip(self.names, there, strict=True) if not here]
+
     def __repr__(self) -> str:
-        return f"<sensitivity of {len(self.names)} balls to {', '.join(self.inputs)}; error {self.error.max():.1g}>"
+        gone = f"; NaN of {', '.join(self.gone)}, which left" if self.gone else ""
+        to = f"{len(self.names)} balls to {', '.join(self.inputs)}"
+        return f"<sensitivity of {to}; error {self.error.max():.1g}{gone}>"
 
 
 def sensitivity(
@@ -80,7 +90,8 @@ def sensitivity(
 
     `to` names inputs as `carom.simulate_batch` does, each a single number: `"cue.velocity.x"` (m/s), `"cue.radius"` (m),
     `"ball/cloth.friction"`. Or `scene` is a function that builds a scene, and `to` its arguments with their values,
-    as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`.
+    as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`, which is kept to exactly: the step is
+    the longest one up to that of the scene that divides it. Balls that left have NaN, and are `gone`.
 
     Raises `CaromError` where there is no derivative: where the events that follow depend on the smallest change, as at a
     grazing hit; where an input moves bodies apart that touch at the start; and where balls press one another, so that steps
@@ -90,7 +101,6 @@ def sensitivity(
         raise CaromError('sensitivity: to names no input; name some, as ["cue.velocity.x"]')
     if (method := options.get("method", "events")) != "events":
         raise CaromError(f"sensitivity: method must be events, whose motions are exact, found {method!r}")
-    options = {**options, "method": "events"}
     runs = (
         _of_function(scene, to, threads, options)
         if callable(scene)
@@ -103,8 +113,10 @@ def sensitivity(
     events = _events(batch)[0]
     if any(row[0] == PRESS for row in events):
         raise CaromError("sensitivity: balls press one another; what steps compute has no exact derivative")
-    _refuse_to_part(start, value)
-    found = [_derivative(base, name, value[name], events) for name in value]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CaromWarning)  # the shot itself has told
+        _refuse_to_part(start, value)
+        found = [_derivative(base, name, value[name], events) for name in value]
     parts = {q: np.array([d[q] for d, _ in found]) for q in QUANTITIES}
     return Sensitivity(tuple(value), tuple(names), **parts, error=np.array([off for _, off in found]))
 
@@ -125,7 +137,7 @@ def _of_scene(
         raise CaromError(
             'sensitivity: to must be a list of inputs, as ["cue.velocity.x"]; values are the scene\'s'
         )
-    scene = scene_of(scene, "sensitivity").with_options(**options)
+    scene = _exact(scene_of(scene, "sensitivity"), options)
     overrides, value = Overrides(scene, {}), {}
     places: dict[Any, str] = {}
     for name in to:
@@ -165,14 +177,26 @@ def _of_function(
 
     def run(given: Mapping[str, F64]) -> Batch:
         cases = max((len(x) for x in given.values()), default=1)
-        scenes = [build(**value | {name: float(x[k]) for name, x in given.items()}) for k in range(cases)]
-        return simulate_batch(scenes, threads=threads, impacts=True, **options)
+        rows = [value | {name: float(x[k]) for name, x in given.items()} for k in range(cases)]
+        scenes = [_exact(build(**row), options) for row in rows]
+        return simulate_batch(scenes, threads=threads, impacts=True)
 
     def start(given: Mapping[str, float]) -> tuple[moved.Model, list[str]]:
-        scene = build(**value | dict(given)).with_options(**options)
+        scene = _exact(build(**value | dict(given)), options)
         return scene.to_model(), _bodies(scene)
 
     return run, start, value, list(build(**value).names)
+
+
+def _exact(scene: Scene, options: Mapping[str, Any]) -> Scene:
+    """The scene with method `events` and the options, in steps of which `until` is a whole number."""
+    method = scene.run.written().get("method", "events")
+    if method != "events" and "method" not in options:
+        told = f"sensitivity: the scene has method {method}; derivatives are by events, whose motions are exact"
+        warnings.warn(told, CaromWarning, stacklevel=4)
+    scene = scene.overridden({**options, "method": "events"}, dict.fromkeys(options, "sensitivity"))
+    until, step = scene.run.until, scene.run.step
+    return scene.with_options(step=until / max(1, whole_steps(until, step))) if until else scene
 
 
 def _bodies(scene: Scene) -> list[str]:
@@ -200,16 +224,19 @@ def _refuse_to_part(start: Start, value: Mapping[str, float]) -> None:
 def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict[str, F64], float]:
     """The derivatives by one input, with the step of the least error."""
     best: tuple[dict[str, F64], float] | None = None
-    why = OTHER
+    why = ""
     for share in STEPS:
         h = share * (abs(value) or 1.0)
         at = value + h * np.array(PLACES)
         batch = run({name: at})
+        changed = f"where it changes by {share:g} of its size"
         if not batch.ok.all():
-            why = f"a run fails: {batch.message[~batch.ok][0]}"
+            border = (batch.ok == (at > value)).all() or (batch.ok == (at < value)).all()
+            where = "its value lies at the border of its range" if border else f"{changed} a run fails"
+            why = f"{where}: {batch.message[~batch.ok][0]}"
             continue
         if any(row != events for row in _events(batch)):
-            why = OTHER
+            why = f"{changed} {OTHER}"
             continue
         found, off = {}, 0.0
         for quantity in QUANTITIES:
@@ -223,9 +250,7 @@ def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict
         if off < ENOUGH:
             break
     if best is None:
-        raise CaromError(
-            f"sensitivity: no derivative by {quoted(name)}; where it changes by {STEPS[-1]:g} of its size {why}"
-        )
+        raise CaromError(f"sensitivity: no derivative by {quoted(name)} = {value:g}; {why}")
     return best
 
 
