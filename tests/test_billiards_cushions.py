@@ -118,7 +118,13 @@ def test_no_cushion_is_like_that(wrong: dict[str, float], told: str) -> None:
             model((1.0, 0.5, 0.0), (0.0, 0.0, 0.0), **given)
     with pytest.raises(carom.CaromError, match="bed_friction must not be negative"):
         mathavan_2010(
-            (1.0, 0.5, 0.0), (0.0, 0.0, 0.0), radius=R, nose_height=NOSE, restitution=E, friction=MU, bed_friction=-1
+            (1.0, 0.5, 0.0),
+            (0.0, 0.0, 0.0),
+            radius=R,
+            nose_height=NOSE,
+            restitution=E,
+            friction=MU,
+            bed_friction=-1,
         )
 
 

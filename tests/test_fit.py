@@ -170,6 +170,27 @@ class TestWhatTheDataDoNotTell:
         assert found.hidden.all()
         assert of_data(found, ["a", "b", "c"]) == [f"the data {remark}" for remark in remarks]
 
+    @pytest.mark.parametrize(
+        ("slopes", "freedom"),
+        [
+            ([[0.0], [0.0]], 2),
+            ([[1e-5], [0.0]], 2),
+            ([[1e3], [0.0]], 1),
+            ([[1e3, 1e3], [0.0, 0.0]], 1),
+            ([[1e3, 0.0], [0.0, 1e3]], 0),
+        ],
+    )
+    def test_degrees_of_freedom_are_the_data_less_what_they_determine(
+        self, slopes: list[list[float]], freedom: int
+    ) -> None:
+        """A parameter without influence had taken one; with none left over any chi squared was as good as 0."""
+        jacobian, n = np.array(slopes), len(slopes[0])
+        for off, words in ((1e-6, []), (20.0, [f"chi squared is 400 where {freedom} is expected"])):
+            found = told(jacobian, np.array([0.0, off]), np.zeros(2), np.full(n, 0.5), 1e-9)
+            assert found.freedom == freedom
+            remarks = [r.partition(":")[0] for r in of_data(found, ["a", "b"][:n]) if "chi squared" in r]
+            assert remarks == words
+
     def test_intervals_of_random_linear_models_hold_the_truth(self) -> None:
         """Theory alone, without runs: 95 % of 2000 data sets, with and without noise of the runs."""
         rng = np.random.default_rng(1)

@@ -36,6 +36,19 @@ class TestData:
         [read] = Calibration.of(free, {"v": (0.5, 1.5)}, [target], folder=free.parent).targets
         assert read.uncertainty == pytest.approx((1e-4, 3e-4))
 
+    @pytest.mark.parametrize(
+        ("heading", "unit", "size"), [("x (cm),s", None, 1e-2), ("x,s", "cm", 1e-2), ("x (cm),s", "mm", 1e-3)]
+    )
+    def test_uncertainties_without_a_unit_have_that_of_their_column(
+        self, heading: str, unit: str | None, size: float, free: Path
+    ) -> None:
+        (free.parent / "a.csv").write_text(f"t,{heading}\n0.01,1,0.1\n0.02,2,0.3\n")
+        target = {"file": "a.csv", "columns": {"x": "cue.position.x"}, "uncertainty": "s"}
+        more = {} if unit is None else {"unit": unit}
+        [read] = Calibration.of(free, V, [target | more], folder=free.parent).targets
+        assert read.value == pytest.approx((1e-2, 2e-2))
+        assert read.uncertainty == pytest.approx((0.1 * size, 0.3 * size))
+
     def test_uncertainties_of_a_file_may_be_a_list(self, free: Path) -> None:
         (free.parent / "a.csv").write_text("t,x\n0.01,0.0105\n0.02,0.021\n")
         target = {"file": "a.csv", "ball": "cue", "uncertainty": ["0.1 mm", 3e-4]}
@@ -274,6 +287,19 @@ def test_a_time_after_the_end_is_named_with_its_row_before_any_run(free: Path) -
     ):
         Calibration.of(free, V, [target], folder=free.parent)
     Calibration.of(free, V, [{**target, "time_unit": "ms"}], folder=free.parent)
+
+
+def test_a_rounded_time_is_that_of_the_end(free: Path) -> None:
+    """As the last frame of a video, 1/30 s in six digits; what is later is told with its digits."""
+    target = {
+        "quantity": "cue.position.x",
+        "time": [0.01, 0.0200001],
+        "value": [0.01, 0.02],
+        "uncertainty": 1e-4,
+    }
+    assert fitted(free, V, [target]).best["v"] == pytest.approx(1.0, abs=1e-4)
+    with pytest.raises(CaromError, match=r"a time of 0\.020001 s is after the end of the run at 0\.02 s"):
+        Calibration.of(free, V, [target | {"time": [0.01, 0.020001]}])
 
 
 def test_an_end_that_is_a_parameter_decides_run_by_run(free: Path) -> None:

@@ -453,6 +453,27 @@ def test_absent_balls_are_passed_over() -> None:
     assert z.mean == 1
 
 
+def test_only_the_part_that_needs_it_is_refused() -> None:
+    """Places, masses and velocities of elsewhere have a temperature and a kinetic stress."""
+    rng = np.random.default_rng(0)
+    known = {"mass": rng.uniform(1, 2, 50), "velocity": rng.normal(size=(50, 3))}
+    spins = {"inertia": np.ones(50), "angular_velocity": rng.normal(size=(50, 3))}
+    place = rng.random((50, 3)), np.full(50, 0.01)
+    few, more = Snapshot(*place, **known), Snapshot(*place, **known, **spins)
+    cold, warm = granular.granular_temperature(few), granular.granular_temperature(more)
+    assert cold.translational == warm.translational
+    assert warm.rotational > 0
+    whole = Box((-1, -1, -1), (2, 2, 2))
+    slow = granular.stress(few, whole)
+    np.testing.assert_allclose(
+        slow.kinetic * whole.volume, cold.tensor * known["mass"].sum() * 49 / 50, rtol=1e-12, atol=1e-12
+    )
+    for refused, what in ((cold, "rotational"), (slow, "contact"), (slow, "pressure")):
+        with pytest.raises(CaromError, match="not known here"):
+            getattr(refused, what)
+        assert f"{what}=not known" in repr(refused)
+
+
 def test_what_is_not_known_is_said() -> None:
     s = Snapshot(np.zeros((1, 3)), np.ones(1))
     with pytest.raises(

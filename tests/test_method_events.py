@@ -317,3 +317,22 @@ def test_a_ball_leaves_by_an_outlet_with_its_velocity() -> None:
     rows = carom.simulate(scene).transitions
     (row,) = np.flatnonzero(np.asarray(rows["event"]) == "outlet")
     assert rows["velocity"][row, 0] == pytest.approx(np.sqrt(4.0 - 2 * MU * G * 0.3), abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    "law", [{"polynomial": [0.2, 0.0]}, {"table": [[0, 0.2], [1, 0.2]]}, {"expression": "0.4/2"}, "0.2"]
+)
+def test_a_constant_law_is_the_number(law: object) -> None:
+    """Method `events` refused it as one that depends on the slip."""
+    places = []
+    for friction in (law, 0.2):
+        scene = carom.Scene(gravity=(0, 0, -9.8), run={"method": "events", "until": 0.4, "step": 0.1})
+        scene.contact("ball", "bed", friction=friction, restitution=0.5)  # type: ignore[arg-type]
+        scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+        scene.sphere("a", radius=0.03, mass=0.2, position=(0, 0, 0.03), velocity=(1, 0, 0), material="ball")
+        assert scene.contacts[0].friction == 0.2
+        places.append(carom.simulate(scene)["a"].position)
+    np.testing.assert_array_equal(*places)
+    scene.contacts[0].friction = {"polynomial": [0.2, 0.01]}
+    with pytest.raises(carom.CaromError, match="depends on the slip"):
+        carom.simulate(scene)

@@ -198,7 +198,7 @@ def test_another_method_of_the_scene_is_told_once() -> None:
     with pytest.warns(carom.CaromWarning) as told:
         found = carom.sensitivity(scene, ["cue.velocity.x"])
     assert [str(w.message) for w in told if "method" in str(w.message)] == [
-        "sensitivity: the scene has method nsga; derivatives are by events, whose motions are exact"
+        "sensitivity: the scene has method nsga; derivatives are by events, which is exact"
     ]
     assert found.of("cue")[0, 0] == pytest.approx(0.1, abs=1e-9)
 

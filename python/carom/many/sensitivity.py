@@ -70,7 +70,7 @@ class Sensitivity:
     @property
     def gone(self) -> list[str]:
         """Balls that left, as into a pocket: they have no place at the end."""
-        there = np.isfinite(self.position).all(axis=(0, 2))
+        there = np.asarray(np.isfinite(self.position).all(axis=(0, 2)))
         return [name for name, here in zip(self.names, there, strict=True) if not here]
 
     def __repr__(self) -> str:
@@ -192,7 +192,7 @@ def _exact(scene: Scene, options: Mapping[str, Any]) -> Scene:
     """The scene with method `events` and the options, in steps of which `until` is a whole number."""
     method = scene.run.written().get("method", "events")
     if method != "events" and "method" not in options:
-        told = f"sensitivity: the scene has method {method}; derivatives are by events, whose motions are exact"
+        told = f"sensitivity: the scene has method {method}; derivatives are by events, which is exact"
         warnings.warn(told, CaromWarning, stacklevel=4)
     scene = scene.overridden({**options, "method": "events"}, dict.fromkeys(options, "sensitivity"))
     until, step = scene.run.until, scene.run.step

@@ -8,7 +8,7 @@ import numpy as np
 
 from carom.errors import CaromError, ScenarioError, among, did_you_mean
 from carom.many.batch_result import KINEMATICS
-from carom.many.fit.data import Target, moving
+from carom.many.fit.data import ROUNDED, Target, moving
 from carom.many.sweep.study import RESERVED
 from carom.run.summary import LISTED_BODIES
 from carom.scene.plan import Plan
@@ -99,7 +99,7 @@ def times(targets: tuple[Target, ...], end: float) -> None:
     for target in targets:
         if target.time is None or moving(target.quantity) is None:  # a measure has times of its own
             continue
-        late = [k for k, t in enumerate(target.time) if t > end * (1 + 1e-9)]
+        late = [k for k, t in enumerate(target.time) if t > end * (1 + ROUNDED)]
         if late:
             row = f", row {target.lines[late[0]]}" if target.lines else ""
             cure = "raise run.until, or leave out what was measured later"
@@ -107,8 +107,8 @@ def times(targets: tuple[Target, ...], end: float) -> None:
                 where = 'time_unit = "ms", or "t (ms)" in its heading' if target.lines else '"20 ms"'
                 cure = f"if the times are in another unit, write {where}; else raise run.until"
             raise CaromError(
-                f"{target.place}{row}: a time of {target.time[late[0]]:g} s is after the end of the run at"
-                f" {end:g} s; {cure}"
+                f"{target.place}{row}: a time of {target.time[late[0]]:.7g} s is after the end of the run at"
+                f" {end:.7g} s; {cure}"
             )
 
 

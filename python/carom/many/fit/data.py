@@ -36,6 +36,8 @@ WITHOUT_FILE = {
 }
 #: Names of the column of times, where the target names none.
 TIMES = ("time", "t")
+#: Share of the end of a run by which times may be beyond it: they are rounded, as 1/30 s in a table of six digits is.
+ROUNDED = 1e-5
 #: Dimension of each quantity of a ball that moves.
 DIMENSIONS = {"position": "length", "velocity": "speed", "angular_velocity": "angular speed"}
 _HEADING = re.compile(r"(.*?)\s*[(\[]([^)\]]*)[)\]]\s*")
@@ -104,7 +106,7 @@ class Measured:
         for quantity, times in self.curves:
             t, values = _curve(result, quantity, given)
             late = max(times) - t[-1]
-            if late > 1e-9 * max(t[-1], 1e-300):
+            if late > ROUNDED * t[-1]:
                 raise CaromError(
                     f"{quantity}: the run ends {late:.3g} s before the last time of the target; raise run.until"
                 )
@@ -186,9 +188,9 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
         if name not in table:
             raise CaromError(f"{place}: {path} has no column {quoted(name)}; {did_you_mean(name, [*table])}")
 
-    def read_off(name: str, quantity: str | None, key: str) -> F64:
-        numbers, unit = table[name]
-        unit = given.get(key) if unit is None else unit
+    def read_off(name: str, quantity: str | None, key: str, beside: str | None = None) -> F64:
+        numbers, own = table[name]
+        unit = next((u for u in (own, given.get(key), beside) if u is not None), None)
         return np.array(numbers) * (
             1.0 if not unit else _factor(f"{place}: {path}, column {name}", unit, quantity)
         )
@@ -210,7 +212,7 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
     for name, quantity in chosen.items():
         here = f"{place}: {path}, column {name}"
         if isinstance(sigma, str) and sigma in table:
-            deviations = read_off(sigma, quantity, "unit")
+            deviations = read_off(sigma, quantity, "unit", table[name][1])
         else:
             deviations = np.array(_si(f"{place}.uncertainty", sigma, quantity))
         values = read_off(name, quantity, "unit")

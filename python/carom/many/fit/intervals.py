@@ -41,6 +41,7 @@ class Told:
     """The same where it may be the jumps of the results that hide them."""
     chi2: float
     freedom: int
+    """Data less the combinations of parameters that they determine."""
     likelihood: float
     """Of a greater chi squared, if model and uncertainties are right."""
     widened: float
@@ -70,9 +71,14 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float, j
     at_bound = outward & (np.sum((jacobian @ step) ** 2) > GAIN)
     free = np.flatnonzero(~at_bound)
     variance = 1 + noise**2
-    chi2, freedom = float(np.sum(residuals**2 / variance)), max(0, len(residuals) - len(free))
-    likelihood = float(stats.chi2.sf(chi2, freedom)) if freedom else 1.0
-    widened = float(np.sqrt(chi2 / freedom)) if likelihood < UNLIKELY else 1.0
+    strength = np.linalg.svd(jacobian[:, free], compute_uv=False)
+    # Combinations that the data determine within the bounds.
+    fitted = int(np.sum(strength > max(floor, 2 * _deviations(CONFIDENCE))))
+    chi2, freedom = float(np.sum(residuals**2 / variance)), len(residuals) - fitted
+    # Where nothing is left over chi squared should vanish: that of one datum bounds how far a search may be off.
+    expected = max(1, freedom)
+    likelihood = float(stats.chi2.sf(chi2, expected))
+    widened = float(np.sqrt(chi2 / expected)) if likelihood < UNLIKELY else 1.0
     wide = _deviations(CONFIDENCE) * widened
     half, correlation, inverse = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros((n, len(residuals)))
     hidden, directions, unclear = np.zeros(n, dtype=bool), [], []

@@ -44,9 +44,10 @@ def of_data(told: Told, names: Sequence[str]) -> list[str]:
     for i, j in zip(*np.nonzero(strong), strict=True):
         found.append(f"{names[i]} and {names[j]} are correlated by {told.correlation[i, j]:.3f}")
     if told.widened > 1:
+        wider = f"; the intervals are widened by {told.widened:.3g}" if np.isfinite(told.half).any() else ""
         found.append(
             f"chi squared is {told.chi2:.4g} where {told.freedom} is expected: the model or the uncertainties are"
-            f" not right; the intervals are widened by {told.widened:.3g}"
+            f" not right{wider}"
         )
     return found
 

@@ -12,6 +12,7 @@ from carom.arrays import F64, I64, Bool
 from carom.errors import CaromError
 from carom.measure.contacts import closed
 from carom.measure.granular.region import Region, ball_volume, images
+from carom.measure.granular.shown import NotKnown
 from carom.result.data import RunData
 from carom.result.walls import Wall
 from carom.scene.assembly.rotations import upward
@@ -170,14 +171,14 @@ class Snapshot:
     def touching(self) -> Contacts:
         """The contacts, or an error that says why there are none."""
         if self.contacts is None:
-            raise CaromError(f"forces of contacts are not known here; {self.missing}")
+            raise NotKnown(f"forces of contacts are not known here; {self.missing}")
         return self.contacts
 
     def known(self, name: str) -> F64:
         """An array that may have been left out."""
         found: F64 | None = getattr(self, name)
         if found is None:
-            raise CaromError(f"{name} is not known here; give the Snapshot its {name}")
+            raise NotKnown(f"{name} is not known here; give the Snapshot its {name}")
         return found
 
     @cached_property

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carom.arrays import F64
+from carom.arrays import F64, I64
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, images, inside, line_share
-from carom.measure.granular.shown import Measure
+from carom.measure.granular.shown import Measure, part
 from carom.measure.granular.snapshot import Snapshot, snapshot
 from carom.result.data import RunData
 
@@ -74,22 +74,29 @@ def stress(source: RunData | Snapshot, region: Region, frame: int = -1) -> Stres
     """Mean stress in a region.
 
     A contact counts with the part of its branch that lies in the region, a ball with the part of its volume. Then the mean
-    of a component over a slab is the mean over its planes of the force that crosses them, whatever the slab cuts.
+    of a component over a slab is the mean over its planes of the force that crosses them, whatever the slab cuts. A part of
+    which something is not known is refused when it is asked for.
     """
     s = snapshot(source, frame)
+    return Stress(part(lambda: _contact(s, region)), part(lambda: _kinetic(s, region)), region.volume)
+
+
+def _contact(s: Snapshot, region: Region) -> F64:
     c = s.touching
     end = s.position[c.first]
     rows, moved = images(region, end, np.linalg.norm(s.branch, axis=1), s.box)
     share = np.bincount(rows, line_share(region, moved - s.branch[rows], moved), minlength=len(end))
-    contact = np.einsum("c,ci,cj->ij", share, s.branch, c.force) / region.volume
+    return np.asarray(np.einsum("c,ci,cj->ij", share, s.branch, c.force) / region.volume)
+
+
+def _kinetic(s: Snapshot, region: Region) -> F64:
     there = s.present
-    part = (s.within(region) / s.volume)[there]
-    mass, velocity = s.known("mass")[there] * part, s.against_flow[there]
-    kinetic = np.zeros((3, 3))
-    if mass.sum() > 0:
-        away = velocity - (mass @ velocity) / mass.sum()
-        kinetic = np.einsum("c,ci,cj->ij", mass, away, away) / region.volume
-    return Stress(contact, kinetic, region.volume)
+    share = (s.within(region) / s.volume)[there]
+    mass, velocity = s.known("mass")[there] * share, s.against_flow[there]
+    if not mass.sum() > 0:
+        return np.zeros((3, 3))
+    away = velocity - (mass @ velocity) / mass.sum()
+    return np.asarray(np.einsum("c,ci,cj->ij", mass, away, away) / region.volume)
 
 
 def ball_stress(source: RunData | Snapshot, frame: int = -1) -> F64:
@@ -148,24 +155,30 @@ def granular_temperature(
     if n <= fitted[mean]:
         return Temperature(np.nan, np.nan, nothing, nothing[0], nothing, n)
     mass, v = s.known("mass")[there], s.against_flow[there]
-    spin, inertia = s.known("angular_velocity")[there], s.known("inertia")[there]
     total = float(mass.sum())
-    average, turning = mass @ v / total, inertia @ spin / max(float(inertia.sum()), _TINY)
+    average = mass @ v / total
     gradient: F64 = np.zeros((3, 3))
-    field, around = np.zeros_like(v), np.zeros_like(spin)
+    field = np.zeros_like(v)
     if s.box is not None and s.box.deforms:
         flow = s.box.flow_velocity(place)
         v, average = v + flow, average + mass @ flow / total  # of the images that are there
         field, gradient = flow, s.box.velocity_gradient
     if mean != "none":
-        field, around = field + (average - mass @ field / total), np.broadcast_to(turning, spin.shape)
+        field = field + (average - mass @ field / total)
     if mean == "affine":
         x = place - mass @ place / total
         root = np.sqrt(mass)[:, None]
         gradient = np.asarray(np.linalg.lstsq(root * x, root * (v - average), rcond=None)[0].T)
         field = average + x @ gradient.T
-    away, turn = v - field, spin - around
+    away = v - field
     tensor = np.einsum("c,ci,cj->ij", mass, away, away) / total * n / (n - fitted[mean])
-    free = n - min(fitted[mean], 1)
-    rotational = float((inertia * (turn**2).sum(axis=1)).sum()) / (3.0 * total) * n / free
+    rotational = part(lambda: _rotational(s, there, mean != "none") / total)
     return Temperature(float(np.trace(tensor)) / 3.0, rotational, tensor, average, gradient, n)
+
+
+def _rotational(s: Snapshot, there: I64, against_mean: bool) -> float:
+    """Sum of I |w'|^2 / 3 of some balls, as many as the mean leaves free."""
+    spin, inertia, n = s.known("angular_velocity")[there], s.known("inertia")[there], len(there)
+    turning = inertia @ spin / max(float(inertia.sum()), _TINY) if against_mean else np.zeros(3)
+    turn = spin - turning
+    return float((inertia * (turn**2).sum(axis=1)).sum()) / 3.0 * n / (n - against_mean)

@@ -1,6 +1,7 @@
 """Laws of one variable: a number, a polynomial, a table or an expression in `t` (time, s) or `v` (a speed, m/s).
 
-A law is kept as it is written: a float, or a dict with one of the keys `polynomial`, `table`, `expression`. The core
+A law is kept as it is written: a float, or a dict with one of the keys `polynomial`, `table`, `expression`. One that is
+constant is the float: what knows numbers alone, as method `events` on level walls, takes it however it is written. The core
 evaluates it in the steps; here it is only looked at before a run, to say what is wrong with it.
 """
 
@@ -72,7 +73,7 @@ class Law(Checked):
             if x >= 0.0 and not self.bounds.hold(y):
                 cause = f"must be {self.bounds.words()} everywhere, found {y:.6g} at {self.variable} = {x:g}"
                 raise refuse(cause, "change this point", (form, k))
-        return law
+        return start if _constant(form, values) else law
 
     def _constant(self, value: Any) -> float:
         try:
@@ -130,6 +131,13 @@ class LawVector(Checked):
 
     def json_schema(self) -> dict[str, Any]:
         return {"type": "array", "items": self._item().json_schema(), "minItems": 3, "maxItems": 3}
+
+
+def _constant(form: str, data: Any) -> bool:
+    """Whether a law has one value, by how it is written; it then is this number."""
+    if form == "expression":
+        return not parse(data).variables
+    return not any(data[1:]) if form == "polynomial" else len({y for _, y in data}) == 1
 
 
 def _listed(value: Any, what: str, least: int, most: int) -> list[Any]:
