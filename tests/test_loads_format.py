@@ -563,5 +563,5 @@ def test_the_identity_of_a_scene_knows_its_loads() -> None:
     plain = identify(scene.to_model())
     load = scene.load("a", force=(0, 0, 1))
     one = identify(scene.to_model())
-    load.force = (0, 0, {"polynomial": [1]})
+    load.force = (0, 0, {"polynomial": [1, 1]})
     assert len({plain, one, identify(scene.to_model())}) == 3

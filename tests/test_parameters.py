@@ -135,8 +135,8 @@ class TestValues:
     def test_parameters_in_laws_become_numbers_but_for_their_variable(self) -> None:
         text = changed(("mu = 0.06", "mu = 0.06\nv = -3.0"), ("mass = 0.17", 'mass = "= -v"'))
         assert Scene.from_toml(text).to_model()["friction_law"] == [("expression", "(0.06)*exp(-v)")]
-        text = changed(('{ expression = "mu*exp(-v)" }', '{ polynomial = ["= 2*mu", 0.0] }'))
-        assert Scene.from_toml(text).to_model()["friction_law"] == [("polynomial", [0.12, 0.0])]
+        text = changed(('{ expression = "mu*exp(-v)" }', '{ polynomial = ["= 2*mu", 0.5] }'))
+        assert Scene.from_toml(text).to_model()["friction_law"] == [("polynomial", [0.12, 0.5])]
 
     def test_without_parameters_expressions_are_of_numbers(self) -> None:
         plain = Scene.from_toml(
