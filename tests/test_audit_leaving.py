@@ -79,3 +79,22 @@ def test_an_outlet_of_a_periodic_world_is_entered_from_both_sides(
     assert 0 < result.events.step[0] < 90
     report = audit.check(result)
     assert report.ok, repr(report)
+
+
+@pytest.mark.parametrize("impacts", [False, "every"])
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+def test_a_ball_is_judged_in_the_step_in_which_its_neighbour_leaves(method: str, impacts: Any) -> None:
+    """Pressed on a wall, the outer one slides off the inner one, and out: the contact of that step still turns that."""
+    for seed in range(4):
+        scene = carom.Scene(gravity=(-9.8, -1.0, -3.0 - seed))
+        scene.contact("grain", "grain", friction=0.3, restitution=0.0)
+        scene.plane("wall", point=(0, 0, 0), normal=(1, 0, 0), material="grain")
+        add(scene, "ball", "outer", position=(R + 2 * R * 0.8, 0, 2 * R * 0.6))
+        add(scene, "ball", "inner", position=(R, 0, 0))
+        scene.outlet(low=(2 * R, -FAR, -FAR), high=(FAR, FAR, (1.19 - 0.01 * seed) * R))
+        projected = {"position_projection": True} if method == "moreau" else {}
+        result = carom.simulate(scene, until=0.05, method=method, impacts=impacts, **projected, **OPTIONS)
+        pushed = result.contacts.at(int(result.events.step[0]))
+        assert pushed.position_impulse[(pushed.body == (0, 1)).all(axis=1)].any()
+        report = audit.check(result)
+        assert report.ok, repr(report)

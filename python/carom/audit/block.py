@@ -285,7 +285,21 @@ class Block:
     @cached_property
     def end(self) -> tuple[F64, F64]:
         """The same at the second."""
-        return self._meet(self.x1, self.t1)
+        return self._meet(self.reached, self.t1)
+
+    @cached_property
+    def reached(self) -> F64:
+        """(B, N, 3) places of the second frames, which bodies that left within the interval have by what is on record of a
+        contact with one that stayed.
+        """
+        c, run, x = self.rows, self.run, self.x1.copy()
+        apart = (c.gap + run.reach[c.a] + run.reach[np.minimum(c.b, run.bodies)])[:, None] * c.normal
+        pairs = c.b < run.balls
+        for one, other, way in ((c.a, c.b, -apart), (c.b, c.a, apart)):
+            k, i, j = c.k[pairs], one[pairs], other[pairs]
+            left = np.isnan(x[k, j, 0])
+            x[k[left], j[left]] = self.x1[k[left], i[left]] + way[pairs][left]
+        return x
 
     def _meet(self, x: F64, time: F64) -> tuple[F64, F64]:
         c = self.rows

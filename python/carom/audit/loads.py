@@ -206,7 +206,7 @@ def solved_again(block: Block) -> F64:
         return np.zeros(block.count)
     dt = block.dt[:, None, None]
     smooth = block.x0 + dt * block.v0 + 0.5 * dt * dt * run.falls + carried.of_block(block).way
-    moved = norm(block.x1 - smooth)
+    moved = norm(block.reached - smooth)
     pulled = norm(on_bodies(block)[0])
     if run.cohesive:  # what it pulls in contacts push out again
         moved = np.maximum(moved, norm(of_contacts(block).shift) / run.mass)

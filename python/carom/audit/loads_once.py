@@ -220,7 +220,7 @@ def _put_back(block: Block, shift: F64) -> F64:
     """(B, N, 3) balls of clumps without the ways that position impulses (B, N, 3) gave these, to first order; others as they
     are.
     """
-    run, clumps, c, x = block.run, block.run.clumps, block.rows, block.x1.copy()
+    run, clumps, c, x = block.run, block.run.clumps, block.rows, block.reached.copy()
     other = np.minimum(c.b, run.bodies)
     own = [run.reach[body][:, None] * cross(c.position_impulse, c.normal) for body in (c.a, other)]
     moments = recorded.of_bodies(block, c, *(own[0] + c.position_moment, own[1] - c.position_moment))
@@ -238,7 +238,7 @@ def solved_at(block: Block, shift: F64) -> tuple[F64, F64]:
     """
     c, run = block.rows, block.run
     pulled = 0.5 * run.h * cohesion.on_bodies(block)[0]
-    x, other = block.x1 - (shift + pulled) / run.mass[:, None], np.minimum(c.b, run.bodies - 1)
+    x, other = block.reached - (shift + pulled) / run.mass[:, None], np.minimum(c.b, run.bodies - 1)
     if run.clumps:
         free = free_turns.places(block)
         x = np.where(run.in_clump[:, None] & np.isfinite(free), free, x)

@@ -227,6 +227,10 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
     given = (given + loads.spread[..., 0]) / run.mass * block.dt[:, None]
     known = single[:, None] | ((np.arange(run.bodies) >= run.balls) & ~block.cut[:, None])
     bound = rounding(block) * size + loads.shift_slack[..., 0] + np.where(known, 0.0, given)
+    if moreau and run.has_contacts:  # along which normal a projection moved a ball that left is on no record
+        c = block.rows
+        off = np.where(block.stayed(c.k, c.a, c.b), 0.0, norm(c.position_impulse) * forces.turn(block))
+        bound += recorded.of_bodies(block, c, off, off) / run.mass
     # Parts of a step are shorter, and lag the less.
     bound += np.where(block.cut, abs(lag) * block.dt * float(norm(g).max(initial=0.0)), 0.0)[:, None]
     if run.method == "penalty":  # it has no position level
