@@ -38,6 +38,17 @@ def slid() -> carom.Result:
 
 
 class TestFlow:
+    def test_what_enters_before_the_first_step_is_in_the_initial_state(self) -> None:
+        scene = Scene(gravity=(0, 0, 0), run={"until": 0.01, "step": 1e-3})
+        scene.contact("sand", "sand", friction=0.3, restitution=0.2)
+        scene.inflow("grain", count=5, radius=R, density=2500, material="sand", rate=0, velocity=(1, 0, 0),
+                     region={"low": (0, 0, 0), "high": (1, 1, 1)})  # fmt: skip
+        result = carom.simulate(scene)
+        energy = result.summary["energy"]
+        assert result.summary["entered"] == len(result.events) == 5
+        assert energy["in"] == result.steps.entered.sum() == result.steps.energy_in.sum() == 0.0
+        assert energy["initial"] == pytest.approx(0.5 * result.bodies["mass"].sum())
+
     def test_they_enter_in_their_time_in_their_region(self, slid: carom.Result) -> None:
         entered = slid.events.where(np.asarray(slid.events["kind"]) == 1)
         assert entered["ball"].tolist() == slid.names == [f"grain{k}" for k in range(1, 13)]
