@@ -15,9 +15,12 @@ import pytest
 from carom import CaromError
 from carom.cli.app import app
 from carom.export.frames import Selection
+from carom.scene.billiards.look import KINDS, POOL
 from carom.show.film import camera
 from carom.show.film.look import CAMERAS, Look
 from carom.show.film.playback import Playback, natural_speed, turned
+from carom.show.looks import looks
+from carom.show.viewer.table import ball_facts
 from typer.testing import CliRunner
 
 R, SPEED, SPIN = 0.03, 0.5, 40.0
@@ -29,7 +32,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> carom.Result:
     scene = carom.Scene("flight", run={"until": 1.0, "step": 1e-2}, gravity=(0, 0, 0), record={"every": 10})
     scene.contact("m", "m", friction=0.0, restitution=1.0)
     scene.sphere(
-        "a",
+        "a2",
         radius=R,
         mass=1,
         material="m",
@@ -37,7 +40,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> carom.Result:
         velocity=(SPEED, 0, 0),
         angular_velocity=(0, 0, SPIN),
     )
-    scene.sphere("b", radius=R, mass=1, material="m", at=(0.25, 0.3, 0))
+    scene.sphere("b5", radius=R, mass=1, material="m", at=(0.25, 0.3, 0))
     motion = {"translation": [0, 0, {"expression": "0.1*t"}]}
     scene.plane(
         "plate", point=(0.25, 0, -0.3), normal=(0, 0, 1), size=(0.2, 0.2), material="m", motion=motion
@@ -123,7 +126,25 @@ class TestPlayback:
         ):
             playback(flight, "png", at=2.0)
 
-    @pytest.mark.parametrize(("span", "speed"), [(3.0, 1.0), (0.3, 0.05), (0.0, 1.0), (400.0, 10.0)])
+    def test_a_ball_that_is_followed_is_there_or_it_is_said(self) -> None:
+        scene = carom.Scene(gravity=(0, 0, 0), run={"until": 0.2, "step": 1e-3}, record={"every": 5})
+        scene.contact("m", "m", friction=0.3, restitution=0.2)
+        scene.inflow("g", count=2, region={"low": (0, 0, 0), "high": (0.1, 0.1, 0)}, radius=0.01, density=2500, material="m",
+                     rate=5.0, start=0.1, velocity=(0, 0, 0.1), seed=1)  # fmt: skip
+        result = carom.simulate(scene)
+        with pytest.warns(carom.CaromWarning, match="'g1' is there from 0.1 s on; until then all is in view"):
+            playback(result, follow="g1")
+        with pytest.raises(CaromError, match="follow: ball 'g2' is in none of the chosen frames"):
+            playback(result, follow="g2")
+
+    def test_it_has_the_colours_of_the_page(self, flight: carom.Result) -> None:
+        shown = [[KINDS.index(look.kind), look.colour, look.label] for look in looks(flight, None)]
+        assert ball_facts(flight, None, 1)["balls"] == shown == [[1, POOL[1], "2"], [1, POOL[4], "5"]]
+
+    @pytest.mark.parametrize(
+        ("span", "speed"),
+        [(3.0, 1.0), (0.3, 0.05), (0.0, 1.0), (400.0, 10.0), (1e-3, 2e-4), (0.012, 2e-3), (4000.0, 100.0)],
+    )
     def test_short_runs_are_slowed_down_and_long_ones_sped_up(self, span: float, speed: float) -> None:
         assert natural_speed(span) == speed
 
@@ -230,7 +251,7 @@ def shot(result: carom.Result, at: float, **options: Any) -> Any:
 
 
 def blue(picture: Any) -> Any:
-    """Where the first ball is, whose colour is the only one of its kind: rows and columns of its pixels."""
+    """Where the ball of number 2 is, whose colour is the only one of its kind: rows and columns of its pixels."""
     return np.argwhere((picture[..., 2] > picture[..., 0] + 50) & (picture[..., 2] > picture[..., 1] + 25))
 
 
@@ -280,7 +301,7 @@ class TestPictures:
         # Followed, the ball stays where it is; 0.3 and 0.3 + a quarter turn.
         times = (0.3, 0.3 + np.pi / 2 / SPIN)
         for shading, differs in (("pattern", True), ("plain", False)):
-            a, b = (shot(flight, at, follow="a", shading=shading) for at in times)
+            a, b = (shot(flight, at, follow="a2", shading=shading) for at in times)
             middle = np.abs(a - b)[110:130, 150:170]
             assert (middle.max() > 40) == differs, shading
 
@@ -304,7 +325,7 @@ class TestPictures:
             "p", run={"until": 1.0, "step": 1e-2}, gravity=(0, 0, 0), periodic=(1.0, 1.0, 1.0)
         )
         scene.contact("m", "m", friction=0.0, restitution=1.0)
-        scene.sphere("a", radius=0.1, mass=1, material="m", at=(0.5, 0.5, 0.5), velocity=(2, 0, 0))
+        scene.sphere("a2", radius=0.1, mass=1, material="m", at=(0.5, 0.5, 0.5), velocity=(2, 0, 0))
         result = carom.simulate(scene, out=tmp_path / "run")
         first, half, last = (blue(shot(result, at, shading="plain")) for at in (0.0, 0.25, 1.0))
         assert np.abs(first.mean(axis=0) - last.mean(axis=0)).max() < 0.5  # two periods on
@@ -394,7 +415,7 @@ class TestFiles:
             "--height",
             "240",
         ]
-        done = CliRunner().invoke(app, [*arguments, "--follow", "a", "-o", str(tmp_path), "--json"])
+        done = CliRunner().invoke(app, [*arguments, "--follow", "a2", "-o", str(tmp_path), "--json"])
         assert done.exit_code == 0, done.output
         assert json.loads(done.stdout)["files"] == [str(tmp_path / "still-0.5s.png")]
 

@@ -9,6 +9,7 @@ import typer
 
 from carom.cli.options import Force, Json, Run, loaded, option, refuse_existing
 from carom.cli.output import emit, guarded
+from carom.errors import counted
 
 
 @guarded
@@ -61,4 +62,6 @@ def view(
         return
     for remark in info.notes:
         print(f"note: {remark}")
-    print(f"{info.path}  ({info.bytes / 1e6:.1f} MB, {info.frames} frames of {info.bodies} bodies)")
+    print(
+        f"{info.path}  ({info.bytes / 1e6:.1f} MB, {counted(info.frames, 'frame')} of {counted(info.bodies, 'ball')})"
+    )

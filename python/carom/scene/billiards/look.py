@@ -40,8 +40,9 @@ PLAIN = {
 }
 """Balls of snooker and carom billiards, by their names."""
 
-KINDS = ("cue", "solid", "stripe", "dotted")
-"""What is on a ball: the cue ball's red dots, a number, a number on a stripe, ivory dots by which its rotation shows."""
+KINDS = ("cue", "solid", "stripe", "dotted", "grain")
+"""What is on a ball: the cue ball's red dots, a number, a number on a stripe, ivory dots by which its rotation shows, two
+tones and a cap."""
 
 
 @dataclass(frozen=True)

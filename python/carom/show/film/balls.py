@@ -18,8 +18,8 @@ from carom.show.film.camera import Eye
 from carom.show.film.mesh import attach, cells, mesh, place, shaded
 from carom.show.film.numbers import atlas
 
-#: Kinds of balls besides those of billiards, in the program below: of two tones, of one colour.
-GRAIN, PLAIN = len(KINDS), len(KINDS) + 1
+#: Kinds of balls in the program below that are no pattern of billiards: of two tones, of one colour.
+GRAIN, PLAIN = KINDS.index("grain"), len(KINDS)
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
@@ -43,7 +43,7 @@ in vec3 at;
 flat in vec4 vBall;
 flat in vec4 vTurn;
 flat in vec3 vTint;
-flat in vec2 vBadge;   // kind: 0 to 3 of KINDS, 4 a grain, 5 plain; cell of its number
+flat in vec2 vBadge;   // kind: 0 to 4 of KINDS, 5 plain; cell of its number
 const vec3 IVORY = vec3(0.95, 0.93, 0.87);
 const vec3 AXIS = vec3(0.0, -0.62, 0.7846);   // of the numbers, as in the viewer: towards the eye at the start
 float over(float edge, float x, float width) { return clamp((x - edge) / width + 0.5, 0.0, 1.0); }

@@ -7,13 +7,14 @@ two frames alone do not tell. Walls need no frames, their motion is a law of tim
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.errors import CaromError
+from carom.errors import CaromError, CaromWarning
 from carom.result.kinematics import QUANTITIES
 from carom.show.film.look import MOST_PICTURES, Look
 from carom.show.surfaces import box
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from carom.export.frames import Selection
 
 
-#: Speeds to choose from; the viewer has the same.
-SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 #: Turns between frames above which the recorded spin counts, rad; below, the short way round is the one taken.
 FAST = 2.5
 
@@ -53,6 +52,8 @@ class Playback:
         self.low, self.high = box(selection)
         self.radius: F64 = np.asarray(selection.result.bodies["radius"], dtype=np.float64)
         start, end = float(self._time[0]), float(self._time[-1])
+        if look.follow is not None:
+            self._met(look.follow)
         self.speed = look.speed if look.speed is not None else natural_speed(end - start)
         if look.at is not None:
             slack = 1e-9 * max(abs(start), abs(end))
@@ -68,6 +69,16 @@ class Playback:
                 f"a film of {count} pictures; take a greater speed, a shorter time or fewer pictures per second"
             )
         self.times = np.minimum(start + np.arange(count) * self.speed / look.fps, end)
+
+    def _met(self, name: str) -> None:
+        """Refuses a ball to follow that is in none of the frames; of one that comes later is said when."""
+        present = self._selection.result[name].present[self._index]
+        if not present.any():
+            raise CaromError(f"follow: ball {name!r} is in none of the chosen frames")
+        if not present[0]:
+            time = self._time[np.argmax(present)]
+            told = f"follow: ball {name!r} is there from {time:g} s on; until then all is in view"
+            warnings.warn(told, CaromWarning, stacklevel=2)
 
     def largest(self, quantity: str) -> float:
         """The largest `speed` (m/s) or `spin` (rad/s) in all frames."""
@@ -116,11 +127,14 @@ class Playback:
 
 
 def natural_speed(span: float) -> float:
-    """Real time, unless all would be over in a blink or take an hour; the rule of the viewer. `span` in s."""
+    """Real time, unless all would be over in a blink or take an hour: 1, 2 or 5 of any power of ten. `span` in s."""
     if 1.5 <= span <= 60.0 or span <= 0.0:
         return 1.0
     wanted = span / 6 if span < 1.5 else span / 40
-    return min(SPEEDS, key=lambda speed: abs(math.log(speed / wanted)))
+    decade = math.floor(math.log10(wanted))
+    # Read from text, so that they are the numbers one would write.
+    speeds = (float(f"{digit}e{decade + k}") for k in (0, 1) for digit in (1, 2, 5))
+    return min(speeds, key=lambda speed: abs(math.log(speed / wanted)))
 
 
 def turned(a: F64, b: F64, expected: F64, share: float) -> F64:

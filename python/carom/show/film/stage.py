@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carom.arrays import F64, I64
-from carom.result.clumps import rigid
+from carom.arrays import F64
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import rotated, upward
-from carom.scene.billiards.look import KINDS, BallLook, ball_looks
+from carom.scene.billiards.look import KINDS, BallLook
 from carom.scene.billiards.marked import table_of
 from carom.scene.billiards.shape import BED, Shape
 from carom.show.film import camera
@@ -26,8 +25,8 @@ from carom.show.film.mesh import Colour, actor, colour, mesh, place
 from carom.show.film.playback import Moment, Playback
 from carom.show.film.table import Felt
 from carom.show.film.window import off_screen, pixels, vtk
+from carom.show.looks import looks
 from carom.show.plot import require_matplotlib
-from carom.show.plot.style import COLOURS
 from carom.show.surfaces import Surface, surfaces
 from carom.show.viewer.links import links
 
@@ -105,7 +104,7 @@ class Stage:
         self._rods = mesh(np.zeros((0, 3)))
         if self._links:
             self._drawn(self._rods, colour(LINK), 360)
-        labels = self._colours(rigid(result), None if table is None else ball_looks(result, table))
+        labels = self._colours(looks(result, table))
         self._balls = Balls(self._lamp, self._up, labels)
         self._renderer.AddActor(self._balls.actor)
         self._stamp = self._text() if look.stamp else None
@@ -259,37 +258,28 @@ class Stage:
 
     # Balls.
 
-    def _colours(self, body: I64, looks: list[BallLook] | None) -> list[str]:
-        """Colours and patterns of the balls, those of billiards if there are `looks`; what is written on them, each once.
-        Balls of one rigid `body` (N,) have one colour.
-        """
-        count = len(self._playback.radius)
-        labels = [""]
-        self._badge = np.full((count, 2), (PLAIN if self._look.shading == "plain" else GRAIN, 0.0))
-        if looks is None:
-            own = np.array([colour(css) for css in COLOURS])
-            own = 0.18 + 0.82 * own  # black has to show its two tones
-            self._own = own[body % len(own)]
-        else:
-            self._own = np.array([colour(look.colour) for look in looks])
-            if self._look.shading == "pattern":
-                labels = list(dict.fromkeys(look.label for look in looks))
-                self._badge = np.array(
-                    [(KINDS.index(look.kind), labels.index(look.label)) for look in looks], dtype=float
-                )
+    def _colours(self, shown: list[BallLook]) -> list[str]:
+        """Colours and patterns of the balls; what is written on them, each once."""
+        labels = list(dict.fromkeys(look.label for look in shown))
+        self._own = np.array([colour(look.colour) for look in shown]).reshape(-1, 3)
+        self._badge = np.full((len(shown), 2), (PLAIN if self._look.shading == "plain" else GRAIN, 0.0))
+        if self._look.shading == "pattern":
+            self._badge[:] = [(KINDS.index(look.kind), labels.index(look.label)) for look in shown]
         self._scale_of: tuple[F64, float] | None = None
         if self._look.shading in ("speed", "spin"):
             self._bar()
         return labels
 
     def _bar(self) -> None:
-        """The scale of the colours that stand for speed or spin."""
+        """The scale of the colours that stand for speed or spin; none where nothing has any."""
         require_matplotlib()
         from matplotlib import colormaps
 
         table = np.asarray(colormaps["viridis"](np.linspace(0, 1, 256)))[:, :3]
-        most = self._playback.largest(self._look.shading) or 1.0
-        self._scale_of = table, most
+        most = self._playback.largest(self._look.shading)
+        self._scale_of = table, most or 1.0
+        if not most:
+            return
         core = vtk("vtkCommonCore")
         lookup = core.vtkLookupTable()
         lookup.SetNumberOfTableValues(len(table))

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.result.clumps import rigid
 from carom.result.data import RunData
-from carom.scene.billiards.look import KINDS, MOST_NUMBERED, ball_looks, by_number
+from carom.scene.billiards.look import KINDS
 from carom.scene.billiards.shape import Shape
 from carom.scene.billiards.solid import SURFACES, parts
 from carom.scene.billiards.table import Table
+from carom.show.looks import few, looks
 from carom.show.viewer import codec
 
 STEP = 1e-4
@@ -54,9 +54,8 @@ def ball_facts(result: RunData, table: Table | None, every: int) -> dict[str, An
 
     The balls of a clump have one colour and no number.
     """
-    if result.clumps:
-        return {"balls": [[len(KINDS), by_number(k), ""] for k in rigid(result)[::every].tolist()]}
-    if len(result.names) > MOST_NUMBERED * every:
-        return {}
-    looks = ball_looks(result, table)[::every]
-    return {"balls": [[KINDS.index(look.kind), look.colour, look.label] for look in looks]}
+    if not few(result, every):
+        return {}  # the page knows the colours of many
+    return {
+        "balls": [[KINDS.index(look.kind), look.colour, look.label] for look in looks(result, table, every)]
+    }
