@@ -118,7 +118,7 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
     axes.fill_between(
         time, low, high, color=COLOURS[5], alpha=0.35, linewidth=0, label="5 to 95 % of the bodies"
     )
-    axes.plot(time, middle, color=COLOURS[0], label=f"median of {len(names)} bodies")
+    axes.plot(time, middle, color=COLOURS[0], label=f"median of the bodies there ({len(names)} in all)")
     # One fast ball among many is outside the band, and often the one that matters.
     thin: dict[str, Any] = {"color": GREY, "linewidth": 0.5}
     axes.plot(time, least, **thin, label="least and greatest (single bodies: --bodies A,B)")

@@ -30,10 +30,13 @@ if TYPE_CHECKING:
 TALLEST, FLATTEST = 1.2, 0.3
 #: Above so many balls their paths would fill the figure: the balls at the end are drawn alone, the highest on top.
 CROWD = 200
+#: Of a box, as pairs of its corners.
+EDGES = np.array([(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1])
 
 
 def trajectories(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
-    """Paths of the centres seen against gravity, m, with the balls at the start (outlined) and at the end (filled).
+    """Paths of the centres seen against gravity, m, with the balls at the start (outlined) and at the end (filled), or
+    where they left (dotted), and the edges of a periodic box.
 
     On a table of the billiards kit with the table, and in the colours of the balls. Of more than 200 balls no paths: the
     balls at the end, the highest on top.
@@ -139,7 +142,7 @@ def _sheet(
 
 
 def _ends(axes: Axes, path: F64, radius: float, colour: str) -> None:
-    """A ball where its path (T, 2) begins, outlined, and where it ends, filled."""
+    """A ball where its path (T, 2) begins, outlined, and where it is at the end, filled; dotted where it left before."""
     from matplotlib.patches import Circle
 
     there = np.flatnonzero(np.isfinite(path[:, 0]))
@@ -147,7 +150,12 @@ def _ends(axes: Axes, path: F64, radius: float, colour: str) -> None:
         return
     first, last = path[there[0]], path[there[-1]]
     axes.add_patch(Circle(tuple(first), radius, fill=False, color=colour, linewidth=0.8, zorder=2))
-    axes.add_patch(Circle(tuple(last), radius, color=colour, alpha=0.45, linewidth=0, zorder=2))
+    if there[-1] == len(path) - 1:
+        axes.add_patch(Circle(tuple(last), radius, color=colour, alpha=0.45, linewidth=0, zorder=2))
+    else:
+        axes.add_patch(
+            Circle(tuple(last), radius, fill=False, color=colour, linewidth=1.0, linestyle=":", zorder=2)
+        )
 
 
 def _crowd(result: RunData, names: list[str], columns: Any, axis: tuple[int, int], radius: F64) -> Chart:
@@ -207,8 +215,8 @@ def _left(result: RunData) -> list[Wall]:
 
 
 def _edges(result: RunData, axis: tuple[int, int], low: F64, high: F64, hidden: set[str]) -> list[F64]:
-    """Of each wall that has an outline its lines (L, 2, 2), m, at the last frame; of tubes without end from `low` to `high`
-    (2,), m.
+    """Of each wall that has an outline its lines (L, 2, 2), m, at the last frame, and those of a periodic box; of what has
+    no end from `low` to `high` (2,), m.
     """
     walls = [
         wall
@@ -217,12 +225,14 @@ def _edges(result: RunData, axis: tuple[int, int], low: F64, high: F64, hidden: 
     ]
     box = np.zeros((2, 3))
     box[:, list(axis)] = low, high
-    return [
-        surface.placed(surface.wall.position[-1], surface.wall.orientation[-1])[surface.lines][
-            :, :, list(axis)
-        ]
+    found = [
+        surface.placed(surface.wall.position[-1], surface.wall.orientation[-1])[surface.lines]
         for surface in surfaces(walls, box[0], box[1], upward(result.gravity))
     ]
+    periodic = result.box(-1)
+    if periodic is not None:
+        found.append(periodic.tilted.corners(*box)[EDGES])
+    return [lines[:, :, list(axis)] for lines in found]
 
 
 def _near(line: tuple[F64, F64], low: F64, high: F64) -> bool:
