@@ -81,6 +81,36 @@ def test_the_command_says_what_failed_and_draws(files: Path) -> None:
     assert sum(float(r["cue.position.y: cases"]) for r in rows if r["cue.position.y: cases"] != "nan") == 8
 
 
+def test_labels_of_long_names_keep_to_their_panels(files: Path) -> None:
+    from carom.many.sweep.plot import histograms, responses
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    text, name = (files / "slide.toml").read_text(), "the ball that slides until it meets the other one"
+    (files / "long.toml").write_text(text.replace('name = "cue"', f'name = "{name}"'))
+    found = carom.sweep(carom.Study.of(files / "long.toml", {"v": [0.0, 0.5, 1.0]}), files / "out", workers=0)
+    columns = [f"{name}.{kind}.x" for kind in ("position", "velocity")]
+    for chart, across in ((responses(found, columns), 1), (histograms(found, columns), 0)):
+        canvas = FigureCanvasAgg(chart.figure)
+        canvas.draw()
+        labels = [(axis.xaxis, axis.yaxis)[across].label for axis in chart.figure.axes]
+        (a, b), size = (
+            (label.get_window_extent(canvas.get_renderer()) for label in labels),
+            canvas.get_width_height(),
+        )
+        assert not a.overlaps(b)
+        for box in (a, b):
+            assert box.x0 >= 0 <= box.y0
+            assert box.x1 <= size[0]
+            assert box.y1 <= size[1]
+
+
+def test_places_are_left_out_where_nothing_moves_in_the_plane(files: Path) -> None:
+    text = (files / "slide.toml").read_text()
+    (files / "still.toml").write_text(text.replace("v = 1.0", "v = 0.0"))
+    found = carom.sweep(carom.Study.of(files / "still.toml", {"mu": [0.1, 0.2]}), files / "out", workers=0)
+    assert {file.stem for file in found.plot()} == {"histograms", "responses"}
+
+
 def test_what_a_parameter_explains_is_its_share_of_the_variance() -> None:
     from carom.many.sweep.plot import explained
 

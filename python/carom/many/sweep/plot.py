@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,8 @@ from carom.errors import CaromError, did_you_mean
 from carom.many.sweep.study import RESERVED
 from carom.scene.assembly.rotations import upward
 from carom.show.plot.motion import level_axes
-from carom.show.plot.style import COLOURS, GREY, Chart, literal, named, styled, width
+from carom.show.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, literal, named, styled, width
+from carom.text import shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,6 +39,8 @@ END = ("position", "velocity")
 TOLD = 0.3
 #: What is left out of the choice: spans below this, in SI units or of the widest of the kind, and greater rank correlations.
 LEAST, LEAST_SHARE, ALIKE = 1e-9, 0.01, 0.97
+#: Height of a panel of responses, in.
+PANEL = 1.5
 #: Cases from which on medians are drawn.
 LINED = 20
 
@@ -54,7 +58,7 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             middle = float(np.median(values)) if len(values) else np.nan
             axis.axvline(middle, color=COLOURS[1], linewidth=1.0)
             axis.set_title(f"median {middle:.4g}", loc="right", color=COLOURS[1], fontsize=8)
-            axis.set_xlabel(_label(sweep, name))
+            axis.set_xlabel(_label(sweep, name, 0.8 * width() / _columns(len(chosen))))
             axis.set_ylabel("cases")
             unit = sweep.label(name).removeprefix(name)
             numbers[f"{name}: from{unit}"] = _filled(edges[:-1], BINS)
@@ -75,12 +79,12 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     stride = max(1, -(-int(sweep.ok.sum()) // MOST_DOTS))
     rows = np.flatnonzero(sweep.ok)[::stride]
     lined = int(sweep.ok.sum()) >= LINED
-    size = 1.6 if len(rows) > 1000 else 3.0 if lined else 7.0  # points; a few dots are to be seen
+    size = _dot(len(rows))
     numbers: dict[str, Array] = {"case": sweep["case"][rows]}
     with styled():
         from carom.show.plot.figure import Drawing
 
-        height = 1.5 * len(chosen) + 0.7
+        height = PANEL * len(chosen) + 0.7
         figure = Drawing(figsize=(width(), height), layout="constrained")
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
@@ -99,9 +103,9 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
                     numbers[f"{column}: explained by {name}"] = _filled(np.array([share]), len(rows))
                     axis.set_title(f"{share:.0%}", loc="right", color=GREY, fontsize=8, pad=2)
                 if j == 0:
-                    axis.set_ylabel(_label(sweep, column))
+                    axis.set_ylabel(_label(sweep, column, PANEL))
                 if i == len(chosen) - 1:
-                    axis.set_xlabel(_label(sweep, name))
+                    axis.set_xlabel(_label(sweep, name, 0.8 * width() / len(varied)))
                     axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
         figure.suptitle(
@@ -130,23 +134,37 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
     columns = 1 if len(names) == 1 else 2
     with styled():
         lines = -(-len(names) // columns)
-        spans = [np.ptp(np.concatenate([sweep[f"{n}.position.{x}"][rows] for n in names])) for x in letters]
-        tall = float(np.clip(spans[1] / max(spans[0], 1e-12), 0.3, 1.2))
-        figure = Drawing(
-            figsize=(width(), 0.9 + lines * (0.45 + tall * 0.85 * width() / columns)), layout="constrained"
-        )
+        ends = [np.concatenate([sweep[f"{n}.position.{x}"][rows] for n in names]) for x in letters]
+        (left, right), (low, high) = ((np.nanmin(of), np.nanmax(of)) for of in ends)
+        tall = float(np.clip((high - low) / max(right - left, 1e-12), 0.3, 1.2))
+        wide = 0.55 * max(right - left, (high - low) / tall, 1e-12)  # half of a panel
+        height = 0.9 + lines * (0.45 + tall * 0.85 * width() / columns)
+        figure = Drawing(figsize=(width(), height), layout="constrained")
         axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axis, name in zip(axes, names, strict=False):
             x, y = (sweep[f"{name}.position.{letter}"][rows] for letter in letters)
             numbers |= {f"{name} {letters[0]} (m)": x, f"{name} {letters[1]} (m)": y}
-            dots = axis.scatter(x, y, c=colour[rows], s=1.5, cmap="viridis", linewidth=0, rasterized=True)
+            # Translucent, so that of those at one place all are told from one.
+            dots = axis.scatter(
+                *(x, y),
+                c=colour[rows],
+                s=_dot(len(rows)) ** 2,
+                alpha=0.6,
+                cmap="viridis",
+                linewidth=0,
+                rasterized=True,
+            )
             axis.set_aspect("equal")
+            axis.set_xlim(0.5 * (left + right) - wide, 0.5 * (left + right) + wide)
+            axis.set_ylim(0.5 * (low + high) - tall * wide, 0.5 * (low + high) + tall * wide)
             axis.set_title(named(name), loc="left")
+            axis.set_xlabel(f"${letters[0]}$ (m)")
+            axis.set_ylabel(f"${letters[1]}$ (m)")
         for axis in axes[len(names) :]:
             axis.set_visible(False)
-        figure.supxlabel(f"${letters[0]}$ (m)", fontsize=9)
-        figure.supylabel(f"${letters[1]}$ (m)", fontsize=9)
-        figure.colorbar(dots, ax=list(axes), label=_label(sweep, by), aspect=40, shrink=0.8)
+        for axis in axes:
+            axis.label_outer()
+        figure.colorbar(dots, ax=list(axes), label=_label(sweep, by, height - 1.0), aspect=40, shrink=0.8)
         figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
@@ -188,6 +206,13 @@ def _some(sweep: Sweep, name: str) -> F64:
     """A column over the cases that reached their end; of very many an evenly spread part, enough to rank columns by."""
     rows = np.flatnonzero(sweep.ok)
     return np.asarray(sweep[name], float)[rows[:: max(1, -(-len(rows) // MOST_DOTS))]]
+
+
+def moved(sweep: Sweep) -> bool:
+    """Whether the places at the end differ, as seen from above, so that `places` has something to show."""
+    letters = ["xyz"[k] for k in level_axes(upward(sweep.study.targeting.base.gravity))]
+    ends = tuple(f".position.{letter}" for letter in letters)
+    return any(name.endswith(ends) and _span(sweep, name) > LEAST for name in sweep.columns)
 
 
 def chosen_columns(sweep: Sweep, columns: Sequence[str]) -> list[str]:
@@ -244,6 +269,11 @@ def _alike(a: F64, b: F64) -> bool:
     return bool(abs(np.corrcoef(a[keep], b[keep])[0, 1]) > ALIKE)
 
 
+def _dot(count: int) -> float:
+    """Size of each of so many dots, points: a few are to be seen."""
+    return 1.6 if count > 1000 else 3.0 if count >= LINED else 7.0
+
+
 def _title(sweep: Sweep) -> str:
     failed = int((~sweep.ok).sum())
     return literal(
@@ -251,8 +281,15 @@ def _title(sweep: Sweep) -> str:
     )
 
 
-def _label(sweep: Sweep, column: str) -> str:
-    return literal(sweep.label(column))
+def _label(sweep: Sweep, column: str, room: float) -> str:
+    """The column with its unit as a label with so much `room`, in: in lines, the name of a ball in the first."""
+    most, text = max(8, int(LETTERS_PER_INCH * room)), sweep.label(column)
+    if len(text) <= most:
+        return literal(text)
+    ball, *rest = text.rsplit(".", 2)
+    if len(rest) < 2:
+        return literal("\n".join(textwrap.wrap(shortened(text, 2 * most), most)))
+    return literal(f"{shortened(ball, most)}\n{'.'.join(rest)}")
 
 
 def _finite(sweep: Sweep, name: str) -> F64:
@@ -292,7 +329,7 @@ def _median(axis: Axes, x: F64, y: F64) -> None:
 def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
     from carom.show.plot.figure import Drawing
 
-    columns = 1 if count == 1 else 2 if count in (2, 4) else 3
+    columns = _columns(count)
     rows = -(-count // columns)
     figure = Drawing(figsize=(width(), height * rows + 0.4), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
@@ -302,6 +339,11 @@ def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
         axis.grid(color=GREY, alpha=0.2)
         axis.locator_params(axis="x", nbins=_ticks(columns))
     return figure, axes
+
+
+def _columns(count: int) -> int:
+    """Panels beside each other."""
+    return 1 if count == 1 else 2 if count in (2, 4) else 3
 
 
 def _ticks(columns: int) -> int:

@@ -14,7 +14,7 @@ from carom.arrays import Array, Bool
 from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.files import Anchored, csv_bytes, inside, write_whole
 from carom.many.sweep.origin import COLUMNS, Origin, tally
-from carom.many.sweep.plot import histograms, places, responses
+from carom.many.sweep.plot import histograms, moved, places, responses
 from carom.show.plot import require_matplotlib
 from carom.show.plot.style import save
 
@@ -164,7 +164,7 @@ class Sweep:
         where = Path(directory) if directory is not None else inside(self.path, "plots")
         files = save(histograms(self, columns), where, "histograms", formats)
         files += save(responses(self, columns), where, "responses", formats)
-        if not columns and any(name.endswith(".position.x") for name in self.columns):
+        if not columns and moved(self):
             files += save(places(self), where, "places", formats)
         return files
 
