@@ -447,6 +447,13 @@ def test_laws_are_compared_side_by_side(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "nsga+binary" in done.stdout
     assert figure.stat().st_size > 0
+    speeds = figure.with_suffix(".csv").read_text().splitlines()
+    assert speeds[0] == "body,nsga+sequence v_x (m/s),nsga+binary v_x (m/s)"
+    assert [line.partition(",")[0] for line in speeds[1:]] == carom.example("three_balls").names
+    assert "first-second (N s)" in (tmp_path / "laws_impulses.csv").read_text().splitlines()[0]
+    figure.with_suffix(".csv").unlink()
+    again = CliRunner().invoke(app, [*arguments[:-2], str(tmp_path / "laws.png")])
+    assert "laws_impulses.csv exists already" in again.stderr
 
 
 def test_chains_have_the_sizes_and_gaps_that_are_asked_for() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,7 @@ from pathlib import Path
 import carom
 import pytest
 from carom.cli.app import app
+from carom.cli.options import listed, listing
 from typer.testing import CliRunner
 
 pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
@@ -66,3 +69,30 @@ def test_a_wrong_backend_is_no_error_of_carom(run: Path, tmp_path: Path) -> None
     assert done.returncode == 2
     assert done.stderr.startswith("carom: matplotlib does not start (")
     assert done.stderr.endswith("); unset MPLBACKEND, or mend it\n")
+
+
+def test_names_with_commas_are_given_as_in_csv(tmp_path: Path) -> None:
+    names = ['a,b "é"', "plain", "it's"]
+    scene = carom.Scene("names", run={"until": 0.02})
+    scene.contact("stone", "stone", friction=0.0, restitution=0.0)
+    for k, name in enumerate(names):
+        scene.sphere(name, radius=0.1, mass=1.0, material="stone", position=(k, 0, 1))
+    run = carom.simulate(scene, out=tmp_path / "run").path
+    [text] = shlex.split(listing(names))  # what a hint says comes back through a shell
+    assert listed("--bodies", text) == names
+    arguments = ["--what", "heights", "--bodies", listing(names[:1])[1:-1], "-o", str(tmp_path)]
+    done = CliRunner().invoke(app, ["plot", str(run), *arguments])
+    assert done.exit_code == 0, done.output
+    with (tmp_path / "heights.csv").open(newline="") as file:
+        assert next(csv.reader(file)) == ["time (s)", f"{names[0]} height (m)"]
+
+
+def test_letters_that_the_font_lacks_are_told_in_one_line(tmp_path: Path) -> None:
+    scene = carom.Scene("\U000102a0\U000102a1", run={"until": 0.02})
+    scene.sphere("only", radius=0.1, mass=1.0, material="stone", position=(0, 0, 1))
+    run = carom.simulate(scene, out=tmp_path / "run").path
+    done = CliRunner().invoke(app, ["plot", str(run), "--what", "heights", "-o", str(tmp_path)])
+    told = (
+        "carom: warning: the font of figures has no \U000102a0 \U000102a1: there are boxes in their place\n"
+    )
+    assert (done.exit_code, done.stderr) == (0, told)

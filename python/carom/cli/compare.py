@@ -16,6 +16,7 @@ from carom.cli.options import (
     listed,
     numbers,
     option,
+    refuse_existing,
     refuse_figure,
     scene,
 )
@@ -68,9 +69,11 @@ def compare(
     Example: carom compare three_balls.toml --methods nsga,moreau --at 0.02
     """
     from carom.many.compare import compare as compare_methods
-    from carom.show.plot.comparison import beside
+    from carom.show.plot.comparison import IMPULSES, beside
 
     refuse_figure(plot, force)
+    if plot is not None and laws is not None:
+        refuse_existing("--plot", plot.with_name(f"{plot.stem}{IMPULSES}.csv"), force)
     described = scene(scenario, case, set_, until)
     for advice in described.validate():
         note(f"warning: {advice}")

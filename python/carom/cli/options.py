@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import csv
+import shlex
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +12,7 @@ import typer
 
 from carom.cli.output import note
 from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
+from carom.files import csv_bytes
 
 if TYPE_CHECKING:
     from carom.run.result import Result
@@ -50,14 +53,23 @@ Formats = Annotated[str, option("--format", "FORMAT", "File formats: png, svg, p
 
 
 def listed(option: str, *texts: str | None) -> list[str]:
-    """What an option that takes several with commas was given, also more than once; none where it was not given."""
+    """What an option that takes several with commas was given, also more than once; none where it was not given.
+
+    A text is a line of CSV: a name with a comma stands in double quotes, and quotes within these are doubled.
+    """
     found = []
     for text in filter(lambda text: text is not None, texts):
-        parts = [part.strip() for part in str(text).split(",") if part.strip()]
+        row = next(csv.reader([str(text)], skipinitialspace=True), [])
+        parts = [part.strip() for part in row if part.strip()]
         if not parts:
             raise CaromError(f"{option}: {text!r} names nothing; name one or more, with commas between them")
         found += parts
     return found
+
+
+def listing(names: Sequence[str]) -> str:
+    """Names as `listed` takes them, quoted for a shell."""
+    return shlex.quote(csv_bytes([names]).decode().removesuffix("\n"))
 
 
 def numbers(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, ParamSpec
 
@@ -28,7 +29,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def guarded(command: Callable[P, int | None]) -> Callable[P, None]:
-    """A command whose errors become one line on standard error and an exit code; it may return its exit code."""
+    """A command whose errors and warnings become a line each on standard error; it may return its exit code."""
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -46,7 +47,9 @@ def guarded(command: Callable[P, int | None]) -> Callable[P, None]:
 def _run(command: Callable[P, int | None], *args: P.args, **kwargs: P.kwargs) -> int:
     as_json = bool(kwargs.get("as_json"))
     try:
-        code = command(*args, **kwargs) or DONE
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
+            code = command(*args, **kwargs) or DONE
     except KeyboardInterrupt as error:
         told = str(error) if isinstance(error, Interrupted) else "interrupted"
         code = fail(told, INTERRUPTED, as_json)

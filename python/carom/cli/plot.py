@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from carom.cli.options import Formats, Json, Run, listed, loaded, option
+from carom.cli.options import Formats, Json, Run, listed, listing, loaded, option
 from carom.cli.output import files, guarded, note
 from carom.files import inside
 
@@ -61,5 +61,5 @@ def plot(
 
     if bodies is None and len(result.names) > MOST_LINES:
         spread = "figures show median, 5 to 95 %, least and greatest"
-        note(f"{len(result.names)} bodies: {spread}; --bodies {','.join(result.names[:2])} draws these two")
+        note(f"{len(result.names)} bodies: {spread}; --bodies {listing(result.names[:2])} draws these two")
     files(drawn, as_json)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -67,11 +66,9 @@ class LineBar(Bar):
 
 @contextmanager
 def going_on(bar: LineBar | None, kept: str) -> Iterator[None]:
-    """Work that the same command continues after Ctrl-C, `kept` says from where; its warnings are remarks."""
+    """Work that the same command continues after Ctrl-C, `kept` says from where."""
     try:
-        with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
-            yield
+        yield
     except KeyboardInterrupt as error:
         raise Interrupted(f"interrupted; {kept}, and the same command goes on from there") from error
     finally:

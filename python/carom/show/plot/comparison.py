@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Panels of impulses beside each other.
 BESIDE = 3
+#: What the name of the table of impulses has besides that of the figure.
+IMPULSES = "_impulses"
 
 
 def beside(found: Comparison) -> Chart:
@@ -38,12 +40,14 @@ def beside(found: Comparison) -> Chart:
     with styled():
         figure = Drawing(figsize=(width(), 3.6 + 1.9 * lines), layout="constrained")
         parts: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.9 * lines]) if lines else [figure]
-        numbers = _speeds(parts[0], found)
+        chart = Chart(figure, _speeds(parts[0], found))
         if lines:
-            numbers |= _impulses(parts[1], found)
-    longest = max(map(len, numbers.values()))
-    padded = {name: np.pad(x, (0, longest - len(x)), constant_values=np.nan) for name, x in numbers.items()}
-    return Chart(figure, padded)
+            numbers = _impulses(parts[1], found)
+            longest = max(map(len, numbers.values()))
+            chart.more[IMPULSES] = {
+                name: np.pad(x, (0, longest - len(x)), constant_values=np.nan) for name, x in numbers.items()
+            }
+    return chart
 
 
 def _label(found: Comparison, name: str) -> str:
@@ -52,14 +56,14 @@ def _label(found: Comparison, name: str) -> str:
 
 def _speeds(part: Any, found: Comparison) -> dict[str, Array]:
     """Along the direction in which the bodies move most."""
-    numbers: dict[str, Array] = {}
+    numbers: dict[str, Array] = {"body": np.array(found.bodies)}
     last = [run.states["velocity"][-1] for run in found]
     axis = int(np.nanargmax(np.nansum(np.abs(last), axis=(0, 1))))
     place, wide = np.arange(len(found.bodies)), 0.8 / len(found)
     axes = part.subplots()
     axes.set_title(fitted(f"{found.title}: velocities at {found.times[-1]:g} s".lstrip(": ")), loc="left")
     for i, (run, velocity) in enumerate(zip(found, last, strict=True)):
-        numbers[f"{run.name} (m/s)"] = velocity[:, axis]
+        numbers[f"{run.name} v_{'xyz'[axis]} (m/s)"] = velocity[:, axis]
         at = place - 0.4 + (i + 0.5) * wide
         label, colour = _label(found, run.name), COLOURS[i % len(COLOURS)]
         axes.bar(at, velocity[:, axis], wide, color=colour, label=label)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
 import textwrap
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -14,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.arrays import Array
-from carom.errors import CaromError, did_you_mean
+from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.files import csv_bytes, write_whole
 from carom.text import LONGEST, shortened
 
@@ -72,6 +74,8 @@ class Chart:
 
     figure: Figure
     data: dict[str, Array] = field(default_factory=dict)
+    more: dict[str, dict[str, Array]] = field(default_factory=dict)
+    """Further tables of numbers, by what their files' names have besides."""
 
 
 @contextmanager
@@ -171,18 +175,36 @@ def whole_numbers(axis: Axis, at_most: int) -> None:
     axis.set_major_locator(MaxNLocator(nbins=at_most, integer=True))
 
 
+@contextmanager
+def _letters() -> Iterator[None]:
+    """Says once which letters the font lacks, where matplotlib warns of each in its own words."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    lacking = dict.fromkeys(
+        chr(int(found[1])) for w in caught if (found := re.match(r"Glyph (\d+)", str(w.message)))
+    )
+    for told in {str(w.message) for w in caught if not str(w.message).startswith("Glyph ")}:
+        warnings.warn(told, stacklevel=2)
+    if lacking:
+        told = f"the font of figures has no {' '.join(lacking)}: there are boxes in their place"
+        warnings.warn(told, CaromWarning, stacklevel=2)
+
+
 def save(chart: Chart, directory: Path, name: str, formats: Sequence[str]) -> list[Path]:
-    """Write a chart as `<name>.<format>` and `<name>.csv`; the same chart gives the same bytes."""
+    """Write a chart as `<name>.<format>` and `<name>.csv`, further tables beside it; the same chart gives the same bytes."""
     files = []
     # Without these the files would hold the time at which they were made.
     dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
     with styled():
         for chosen in formats:
             buffer = io.BytesIO()
-            chart.figure.savefig(buffer, format=chosen, dpi=DPI, metadata=dates[chosen])
+            with _letters():
+                chart.figure.savefig(buffer, format=chosen, dpi=DPI, metadata=dates[chosen])
             files.append(directory / f"{name}.{chosen}")
             write_whole(files[-1], buffer.getbuffer(), durable=False, parents=True)
-    files.append(directory / f"{name}.csv")
-    rows = zip(*(np.asarray(column).tolist() for column in chart.data.values()), strict=True)
-    write_whole(files[-1], csv_bytes([chart.data, *rows]), durable=False, parents=True)
+    for besides, data in {"": chart.data, **chart.more}.items():
+        files.append(directory / f"{name}{besides}.csv")
+        rows = zip(*(np.asarray(column).tolist() for column in data.values()), strict=True)
+        write_whole(files[-1], csv_bytes([data, *rows]), durable=False, parents=True)
     return files
