@@ -482,6 +482,7 @@ class TestCommand:
             (["--format", "vtk"], "no export format is called 'vtk'; did you mean vtp?"),
             (["--format", "OVITO"], "no export format is called 'OVITO'; OVITO reads extxyz or gsd"),
             (["--from", "3"], "no frame between 3 and"),
+            (["--from", "0.8", "--to", "0.2"], "no frame from 0.8 to 0.2 s, which ends before it begins"),
         ],
     )
     def test_says_in_a_line_what_is_wrong(

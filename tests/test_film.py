@@ -315,6 +315,12 @@ class TestPictures:
         yellow = (picture[..., 0] > 150) & (picture[..., 1] > 150) & (picture[..., 2] < 110)
         assert yellow.sum() > 10  # the fast ball, and the end of the bar
 
+    def test_where_nothing_moves_there_is_no_scale(self) -> None:
+        scene = carom.Scene(gravity=(0, 0, 0), run={"until": 0.1, "step": 1e-2})
+        scene.sphere("still", radius=R, mass=1, material="m", at=(0, 0, 0))
+        picture = shot(carom.simulate(scene), 0.05, shading="speed", camera="top")
+        assert not ((picture[..., 0] > 150) & (picture[..., 1] > 150) & (picture[..., 2] < 110)).any()
+
     def test_the_time_is_in_the_corner_or_not(self, flight: carom.Result) -> None:
         corner = (slice(200, None), slice(0, 120))
         with_, without = (shot(flight, 0.5, camera="top", stamp=stamp)[corner] for stamp in (True, False))

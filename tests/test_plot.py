@@ -358,18 +358,24 @@ def test_a_notebook_shows_figures_as_pictures(result: carom.Result) -> None:
     assert len(picture) > 2000
 
 
-def test_balls_that_left_are_dotted_and_a_periodic_box_is_outlined() -> None:
-    from carom.show.plot.table import trajectories
-    from matplotlib.collections import LineCollection
+def test_balls_that_left_are_dotted_and_a_periodic_box_is_outlined(monkeypatch: pytest.MonkeyPatch) -> None:
+    from carom.show.plot import table
+    from matplotlib.collections import EllipseCollection, LineCollection
 
     scene = carom.Scene(gravity=(0, 0, -9.8), periodic=(0.3, 0.2, 0), run={"until": 0.1, "step": 1e-3})
     scene.contact("m", "m", friction=0.3, restitution=0.2)
     scene.sphere("leaves", radius=0.01, mass=0.1, material="m", position=(0.1, 0.1, 0.03))
     scene.sphere("stays", radius=0.01, mass=0.1, material="m", position=(0.2, 0.1, 0.5), velocity=(3, 0, 0))
     scene.outlet(low=(0, 0, -1), high=(0.3, 0.2, 0.0))
-    axes = trajectories(carom.simulate(scene)).figure.axes[0]
+    result = carom.simulate(scene)
+    axes = table.trajectories(result).figure.axes[0]
     assert [patch.get_linestyle() for patch in axes.patches] == ["solid", ":", "solid", "solid"]
     assert [patch.get_fill() for patch in axes.patches] == [False, False, False, True]
     [box] = [found for found in axes.collections if isinstance(found, LineCollection)]
     corners = np.unique(np.concatenate(box.get_segments()).round(12), axis=0)
     assert corners == pytest.approx(np.array([[0, 0], [0, 0.2], [0.3, 0], [0.3, 0.2]]))
+    monkeypatch.setattr(table, "CROWD", 1)
+    crowd = table.trajectories(result).figure.axes[0].collections
+    [heap] = [found for found in crowd if isinstance(found, EllipseCollection)]
+    assert [len(found) for found in (heap.get_facecolors(), heap.get_edgecolors())] == [2, 2]
+    assert heap.get_facecolors()[:, 3].tolist() == [0.0, 1.0]  # the lowest, which left, is hollow

@@ -159,7 +159,7 @@ def _ends(axes: Axes, path: F64, radius: float, colour: str) -> None:
 
 
 def _crowd(result: RunData, names: list[str], columns: Any, axis: tuple[int, int], radius: F64) -> Chart:
-    """The balls where each was last, seen from above; those that never came are not there."""
+    """The balls where each was last, seen from above, those that left dotted; those that never came are not there."""
     from matplotlib.collections import EllipseCollection
 
     last = np.full((len(names), 3), np.nan)
@@ -170,7 +170,7 @@ def _crowd(result: RunData, names: list[str], columns: Any, axis: tuple[int, int
             last = np.where(np.isfinite(last), last, frame)
     seen = np.flatnonzero(np.isfinite(last).all(axis=1))
     order = seen[np.argsort(last[seen] @ upward(result.gravity), kind="stable")]
-    place = last[order][:, axis]
+    place, there = last[order][:, axis], np.asarray(result.present[-1])[columns][order]
     figure, axes = _sheet(result, place[np.newaxis], radius[order], axis)
     with styled():
         balls = EllipseCollection(
@@ -178,8 +178,9 @@ def _crowd(result: RunData, names: list[str], columns: Any, axis: tuple[int, int
             units="xy",
             offsets=place,
             offset_transform=axes.transData,
-            facecolor=COLOURS[0],
-            edgecolor="white",
+            facecolors=np.where(there, COLOURS[0], "none"),
+            edgecolors=np.where(there, "white", COLOURS[0]),
+            linestyles=np.where(there, "-", ":"),
             linewidth=0.4,
             zorder=2,
         )
