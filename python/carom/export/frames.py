@@ -87,7 +87,9 @@ class Selection:
             if value is not None and not isinstance(value, int | float | np.number):
                 raise CaromError(f"{name}: {value!r} is no time in s")
         if start is not None and stop is not None and start > stop:
-            raise CaromError(f"no frame from {start:g} to {stop:g} s, which ends before it begins; exchange them")
+            raise CaromError(
+                f"no frame from {start:g} to {stop:g} s, which ends before it begins; exchange them"
+            )
         # Times are products of the step: what was meant as a frame's time is it up to rounding.
         slack = 1e-9 * max(1e-30, float(time[-1]))
         first = 0 if start is None else int(np.searchsorted(time, start - slack))
