@@ -307,25 +307,10 @@ fn bounds_at_start(
         slip -= wall.material;
     }
     let along = c.n0.dot(slip);
-    if let Some(e) = &law.restitution_law {
-        let approach = (-along).max(0.0);
-        let (bodies, e) = ((c.a, c.b), e.value(approach));
-        if !(0.0..=1.0).contains(&e) {
-            return Err(Failure::Restitution {
-                bodies,
-                e,
-                approach,
-            });
-        }
-    }
+    law.check_restitution((c.a, c.b), (-along).max(0.0))?;
     let across = slip - c.n0 * along;
-    let (slip, bodies) = (across.length(), (c.a, c.b));
-    let mu = law.friction(slip);
-    if !(mu >= 0.0 && mu.is_finite()) {
-        return Err(Failure::Friction { bodies, mu, slip });
-    }
     Ok(Bounds {
-        sliding: mu,
+        sliding: law.checked_friction((c.a, c.b), across.length())?,
         ..law.bounds
     })
 }

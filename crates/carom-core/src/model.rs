@@ -7,6 +7,7 @@ use crate::force::Load;
 use crate::held_apart::HeldApart;
 use crate::joint::Joint;
 use crate::options::Options;
+use crate::outcome::Failure;
 use crate::wall::{FreeWall, MeshWall, Wall};
 use carom_geom::Periodic;
 use carom_laws::Scalar;
@@ -42,6 +43,38 @@ impl ContactLaw {
         match &self.friction_law {
             Some(law) => law.value(slip),
             None => self.bounds.sliding,
+        }
+    }
+
+    /// mu of two bodies at a slip speed, m/s.
+    ///
+    /// # Errors
+    /// It is no coefficient.
+    #[inline]
+    pub fn checked_friction(&self, bodies: (u32, u32), slip: f64) -> Result<f64, Failure> {
+        let mu = self.friction(slip);
+        match mu >= 0.0 && mu.is_finite() {
+            true => Ok(mu),
+            false => Err(Failure::Friction { bodies, mu, slip }),
+        }
+    }
+
+    /// Whether e_N of two bodies at an approach speed, m/s, is from 0 to 1.
+    ///
+    /// # Errors
+    /// It is not.
+    pub fn check_restitution(&self, bodies: (u32, u32), approach: f64) -> Result<(), Failure> {
+        let e = match &self.restitution_law {
+            Some(law) => law.value(approach),
+            None => self.restitution,
+        };
+        match (0.0..=1.0).contains(&e) {
+            true => Ok(()),
+            false => Err(Failure::Restitution {
+                bodies,
+                e,
+                approach,
+            }),
         }
     }
 

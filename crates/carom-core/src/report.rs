@@ -178,8 +178,8 @@ impl StepReport {
 
     /// Takes in what entered and left after the step.
     pub(crate) fn add_exchange(&mut self, e: &Exchange) {
-        self.energy_in = e.energy_in.iter().sum();
-        self.energy_out = e.energy_out.iter().sum();
+        self.energy_in += e.energy_in.iter().sum::<f64>();
+        self.energy_out += e.energy_out.iter().sum::<f64>();
         self.entered = e.entered;
         self.removed = e.removed;
     }

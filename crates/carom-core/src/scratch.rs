@@ -1,7 +1,7 @@
 //! What can be recomputed: allocated once, reused in every step.
 
 use crate::clump::places::Clumps;
-use crate::contact::Contact;
+use crate::contact::{Contact, ContactKey};
 use crate::flow::Exchange;
 use crate::force::LoadError;
 use crate::impact::ImpactScratch;
@@ -76,8 +76,8 @@ pub struct Scratch {
     pub wall_impulse: Vec<[DVec3; 2]>,
     /// Potential energy of cohesion at the end of the step, J.
     pub(crate) attraction: f64,
-    /// That of contacts, of methods in which they have one, J.
-    pub elastic: f64,
+    /// That of each contact, of methods in which they have one, J.
+    pub elastic: Vec<(ContactKey, f64)>,
     /// What walls, and images of a box that deforms, pulled balls with: contacts as at t_n, and impulses on the balls.
     pub(crate) driven_pulls: Vec<(Contact, DVec3)>,
     /// Power at t_n of loads without potential, W.

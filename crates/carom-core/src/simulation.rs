@@ -290,7 +290,16 @@ impl Simulation {
     fn sum_anew(&mut self, report: &mut StepReport, at_end: &mut Exchange) -> Result<(), Failure> {
         let (model, state, scratch) = (&self.model, &self.state, &mut self.scratch);
         let [kinetic, mut potential] = energy::total(model, state, report.time);
-        potential += scratch.elastic;
+        for &((a, b), elastic) in &scratch.elastic {
+            // A contact with what leaves ends, and its energy is gone.
+            match [a, b]
+                .iter()
+                .all(|&i| state.present.get(i as usize) != Some(&false))
+            {
+                true => potential += elastic,
+                false => at_end.energy_out[1] += elastic,
+            }
+        }
         if model.cohesive_reach() > 0.0 {
             // What leaves takes its attraction along, and what enters brings its own.
             let rest = cohesion::listed_potential(model, state, scratch)?;

@@ -66,6 +66,11 @@ impl Elastic {
         self.tangential_ratio * self.slope(force, depth)
     }
 
+    /// Time of an oscillation of the tangential spring over that of the normal one, for these inverse masses.
+    pub fn shear_time(&self, inv_mass: f64, inv_mass_sliding: f64) -> f64 {
+        (inv_mass / (self.tangential_ratio * inv_mass_sliding)).sqrt()
+    }
+
     /// Stored energy where the force is `force`, J.
     #[inline]
     pub fn energy(&self, force: f64, depth: f64) -> f64 {

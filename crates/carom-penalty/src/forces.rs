@@ -5,7 +5,9 @@ use crate::elastic::Elastic;
 use crate::friction::{slowed, TangentialSpring};
 use crate::law::damping;
 use crate::pair::Pair;
+use carom_core::model::ContactLaw;
 use carom_core::options::{Options, PenaltyFriction};
+use carom_core::outcome::Failure;
 use carom_core::Model;
 use carom_solve::Bounds;
 use glam::DVec3;
@@ -20,26 +22,35 @@ impl Pair {
         elastic: &Elastic,
         tau: f64,
         then_kick: bool,
-    ) {
+    ) -> Result<(), Failure> {
         let s = self.closing_speed(bodies);
         self.touch.approach = self.touch.approach.max(s);
-        if self.constants.varies && self.damped_at != self.touch.approach {
-            self.damped_at = self.touch.approach;
-            if let Some(law) = self.law {
-                let law = &model.laws[law as usize];
-                self.constants.damping = damping(&model.options, law, self.damped_at);
-            }
+        if let Some(law) = self.damping_of_approach(model) {
+            law.check_restitution((self.a, self.b), self.damped_at)?;
         }
         let to_middle = if then_kick { 0.5 * tau } else { -0.5 * tau };
         let middle = s + to_middle * self.closing_acceleration(bodies);
         let normal = self.force * tau + self.damp(bodies, s, middle, tau);
         if then_kick {
-            self.rub(bodies, model, elastic, normal, tau);
+            self.rub(bodies, model, elastic, normal, tau)?;
             self.resist_turning(bodies, &model.options, normal);
         } else {
             self.resist_turning(bodies, &model.options, normal);
-            self.rub(bodies, model, elastic, normal, tau);
+            self.rub(bodies, model, elastic, normal, tau)?;
         }
+        Ok(())
+    }
+
+    /// Takes the damping of the present approach speed; the law by which, where it is another than before.
+    #[inline]
+    pub fn damping_of_approach<'m>(&mut self, model: &'m Model) -> Option<&'m ContactLaw> {
+        if !self.constants.varies || self.damped_at == self.touch.approach {
+            return None;
+        }
+        let law = &model.laws[self.law? as usize];
+        self.damped_at = self.touch.approach;
+        self.constants.damping = damping(&model.options, law, self.damped_at);
+        Some(law)
     }
 
     /// Half a kick: the elastic impulse over `tau`.
@@ -93,23 +104,24 @@ impl Pair {
         elastic: &Elastic,
         normal: f64,
         tau: f64,
-    ) {
+    ) -> Result<(), Failure> {
         let (true, Some(law)) = (self.constants.slides, self.law) else {
-            return;
+            return Ok(());
         };
         let slip = self.slip(bodies);
-        self.friction = model.laws[law as usize].friction(slip.length());
+        let of = (self.a, self.b);
+        self.friction = model.laws[law as usize].checked_friction(of, slip.length())?;
         let bound = self.friction * normal;
         if bound <= 0.0 {
             self.touch.spring = DVec3::ZERO;
-            return;
+            return Ok(());
         }
         let o = &model.options;
         let impulse = match o.penalty_friction {
             PenaltyFriction::Regularised => {
                 let speed = slip.length();
                 if speed == 0.0 {
-                    return;
+                    return Ok(());
                 }
                 let drop = bound * self.inv_mass_sliding;
                 let slowed = slowed(speed, drop, o.penalty_slip_speed);
@@ -136,6 +148,7 @@ impl Pair {
         self.drive(bodies, DVec3::ZERO, impulse, DVec3::ZERO);
         self.now.impulse += impulse;
         self.now.work[1] += impulse.dot(slip + 0.5 * self.inv_mass_sliding * impulse);
+        Ok(())
     }
 
     /// Rolling and spinning friction under the normal impulse `normal`, regularised at the angular speed `v_s/r_c`.

@@ -1,8 +1,8 @@
 //! The longest substep that a pair admits, and that loads admit.
 
 use crate::bodies::Bodies;
-use crate::elastic::Elastic;
-use crate::pair::Pair;
+use crate::law::{damping, Laws};
+use crate::pair::{Pair, FILLS};
 use carom_core::force::total::motion_of;
 use carom_core::joint::Block6;
 use carom_core::{Model, State};
@@ -16,75 +16,128 @@ const DAMPING_SHARE: f64 = 50.0 * 0.1;
 
 impl Pair {
     /// The longest substep that this pair admits: a share of its contact time once it touches, and before that the time in
-    /// which it cannot touch. `shortest` is what others ask for already.
+    /// which it cannot touch. `shortest` is what others ask for already, `most` what is left of the step.
     #[inline]
     pub fn longest_substep(
         &self,
-        elastic: &Elastic,
+        laws: &Laws,
         bodies: &Bodies,
-        resolution: f64,
+        model: &Model,
         shortest: f64,
+        most: f64,
     ) -> f64 {
-        let s = if self.closed {
-            self.closing_speed(bodies)
-        } else {
-            self.fastest_closing(bodies)
-        };
+        let (elastic, mut chi) = (&laws.elastic, self.constants.damping);
         let (speed, free) = if self.closed {
-            (s, 0.0)
+            (self.closing_speed(bodies), 0.0)
         } else {
-            // The distance of centres is convex in time for straight motion: gap(t) >= gap - s t - a t^2/2.
-            let (a, b) = (self.a as usize, self.b as usize);
-            let between = bodies.acceleration[a] - bodies.acceleration[b];
-            let accel = if b < bodies.position.len() {
-                between.length()
-            } else {
-                (-self.normal.dot(between)).max(0.0)
-            };
-            let hit = (s * s + 2.0 * accel * self.gap).sqrt();
-            let free = if s > 0.0 {
-                2.0 * self.gap / (s + hit)
-            } else if accel > 0.0 {
-                (hit - s) / accel
-            } else {
-                f64::INFINITY
-            };
+            let (hit, free) = self.flight(bodies, most);
             if free >= shortest {
                 return free;
             }
+            if let (true, Some(law)) = (self.constants.varies, self.law) {
+                chi = damping(&model.options, &model.laws[law as usize], hit);
+            }
             (hit, free)
         };
+        let resolution = f64::from(model.options.penalty_resolution);
         // The energy of the collision, which stays the same over an elastic one; a contact at rest has that of its load.
         let mut pressed = self.force * -self.gap;
-        let load = self.pressing(&bodies.smooth) / self.inv_mass;
+        let load = self.pressing(bodies) / self.inv_mass;
         if load > self.force {
             pressed = load * elastic.indentation(self.stiffness, load);
         }
         let energy = 0.5 * speed * speed / self.inv_mass + elastic.energy(pressed, 1.0);
         let reference = self.touch.approach.max(speed);
         let damped = if self.closed && reference > 0.0 {
-            1.0 + self.constants.damping * speed.max(0.0) / reference
+            1.0 + chi * speed.max(0.0) / reference
         } else {
-            1.0 + self.constants.damping
+            1.0 + chi
         };
         let v = (2.0 * energy * self.inv_mass).sqrt();
         let time = elastic.contact_time(self.stiffness, self.inv_mass, v, damped);
-        let mut contact = time / resolution;
+        let mut contact = self.shear_time * time / resolution;
         // A damping that outruns the motion has a time of its own; not where the load holds the contact at rest.
         if self.closed && self.force > 2.0 * load && reference > 0.0 {
-            let rate = self.constants.damping * self.force * self.inv_mass / reference;
-            let share = (self.constants.damping * speed.abs() / reference).min(1.0);
+            let rate = chi * self.force * self.inv_mass / reference;
+            let share = (chi * speed.abs() / reference).min(1.0);
             contact = contact.min(DAMPING_SHARE / (resolution * rate * share));
         }
         free.max(contact)
     }
 
-    /// Acceleration by which loads press the pair together, m/s^2; 0 if they pull it apart.
+    /// Speed at which a pair that is apart can meet, m/s, and the time in which it cannot, s; below `most`.
     #[inline]
-    pub fn pressing(&self, smooth: &[[DVec3; 2]]) -> f64 {
+    fn flight(&self, bodies: &Bodies, most: f64) -> (f64, f64) {
+        let s = self.fastest_closing(bodies);
         let (a, b) = (self.a as usize, self.b as usize);
-        self.normal.dot(smooth[b][0] - smooth[a][0]).max(0.0)
+        let between = bodies.acceleration[a] - bodies.acceleration[b];
+        if b < bodies.position.len() {
+            // The distance of centres is convex in time for straight motion: gap(t) >= gap - s t - a t^2/2.
+            return meeting(self.gap, s, between.length());
+        }
+        let (way, turning) = self.along_wall(bodies);
+        let accel = (turning - self.normal.dot(between)).max(0.0);
+        if self.hollow == 0.0 {
+            return meeting(self.gap, s, accel);
+        }
+        // The ball about the centre of curvature that touches the wall is free. In it straight flight meets when
+        // v^2 t^2/2 = (gap + gap^2 k/2 - s t)/k; a curved one is no farther from its start than |v| t + |a| t^2/2.
+        let share = 1.0 / (1.0 + 0.5 * self.hollow * self.gap);
+        let bend = 1.0 / (1.0 / self.hollow + 0.5 * self.gap);
+        let (_, straight) = meeting(self.gap, share * s, bend * way * way);
+        let way = way + 0.5 * (between.length() + turning) * straight.min(most);
+        meeting(self.gap, share * s, bend * way * way + share * accel)
     }
+
+    /// Speed at which the centre moves along a wall whose hollow it can meet, m/s, and acceleration by the wall's turning, m/s^2.
+    #[inline]
+    fn along_wall(&self, bodies: &Bodies) -> (f64, f64) {
+        let v = bodies.motion[self.a as usize][0];
+        let of = |u: DVec3| (u.length_squared() - u.dot(self.flat).powi(2)).max(0.0);
+        let Some(slot) = self.driven else {
+            return (of(v).sqrt(), 0.0);
+        };
+        let (walls, x) = (&bodies.walls, bodies.position[self.a as usize]);
+        let (mut way, mut turning) = (0.0f64, 0.0f64);
+        for (k, here) in walls.twists_of(slot, x).into_iter().enumerate() {
+            let u = v - here.shape;
+            way = way.max(of(u));
+            // A twist is linear in the point: omega x (v + u).
+            let there = walls.twists_of(slot, x + v + u)[k];
+            turning = turning.max((there.shape - here.shape).length());
+        }
+        (way.sqrt(), turning)
+    }
+
+    /// Acceleration by which loads, and the bend of a hollow wall, press the pair together, m/s^2; 0 if they pull it apart.
+    #[inline]
+    pub fn pressing(&self, bodies: &Bodies) -> f64 {
+        let (a, b) = (self.a as usize, self.b as usize);
+        let by_loads = self.normal.dot(bodies.smooth[b][0] - bodies.smooth[a][0]);
+        if b < bodies.position.len() || (self.hollow == 0.0 && self.driven.is_none()) {
+            return by_loads.max(0.0);
+        }
+        let (way, turning) = self.along_wall(bodies);
+        let hollow = self.hollow.min(1.0 / (FILLS * self.length));
+        (by_loads + turning + hollow * way * way).max(0.0)
+    }
+}
+
+/// When `gap - s t - a t^2/2 = 0`, s, and at which speed, m/s.
+#[inline]
+fn meeting(gap: f64, s: f64, accel: f64) -> (f64, f64) {
+    if gap == f64::INFINITY {
+        return (s, gap);
+    }
+    let hit = (s * s + 2.0 * accel * gap).sqrt();
+    let free = if s > 0.0 {
+        2.0 * gap / (s + hit)
+    } else if accel > 0.0 {
+        (hit - s) / accel
+    } else {
+        f64::INFINITY
+    };
+    (hit, free)
 }
 
 /// Longest substep that the loads admit: the scheme is explicit in them, and has to resolve their springs and dampers. From

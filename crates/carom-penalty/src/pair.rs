@@ -10,7 +10,7 @@ use carom_core::outcome::ImpactRecord;
 use carom_core::state::Touch;
 use carom_core::wall::WallTwist;
 use carom_core::Model;
-use carom_geom::Proximity;
+use carom_geom::{Proximity, Shape};
 use carom_solve::Status;
 use glam::DVec3;
 
@@ -20,6 +20,9 @@ const LONGEST_COLLISION: f64 = 100.0;
 /// Share of the speed of a collision at one of its bodies; a contact that closes more slowly takes that speed as its own.
 /// Ten times less, and balls that touch in a row are damped too much; ten times more, and slow collisions too little.
 const OWN_APPROACH: f64 = 0.05;
+
+/// Share of a sphere's radius that is left between its centre and that of a hollow wall at least: one that fills it has no curvature.
+pub const FILLS: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
@@ -35,16 +38,21 @@ pub struct Pair {
     /// r_c, m.
     pub length: f64,
     /// Place of B among the moving walls.
-    driven: Option<u32>,
+    pub driven: Option<u32>,
     /// K, N/m^n.
     pub stiffness: f64,
     /// Inverse masses of the normal, sliding and rolling rows.
     pub inv_mass: f64,
     pub inv_mass_sliding: f64,
     pub inv_inertia: f64,
+    /// Share of the contact time that its tangential spring leaves.
+    pub shear_time: f64,
     /// At the present positions; the normal points from B to A.
     pub gap: f64,
     pub normal: DVec3,
+    /// Of a wall at which it is hollow: 1 over the distance of the centre of curvature, 1/m, and the direction in which it is straight.
+    pub hollow: f64,
+    pub flat: DVec3,
     /// `K d^n`, N.
     pub force: f64,
     pub closed: bool,
@@ -73,25 +81,34 @@ impl Pair {
         let [ra, rb] = [bodies.radius[a], bodies.radius[b]];
         let wall = (b >= model.bodies()).then(|| model.wall(key.1));
         let of_b = wall.map_or_else(|| 1.0 / rb, |w| w.curvature());
-        // A sphere that fills its hollow wall has none left.
-        let curvature = (1.0 / ra + of_b).max(1e-3 / ra);
+        let curvature = (1.0 / ra + of_b).max(FILLS / ra);
         let inv_mass = bodies.inv_mass[a] + bodies.inv_mass[b];
         let inverse = [bodies.inv_inertia[a], bodies.inv_inertia[b]];
+        let inv_mass_sliding = inv_mass + ra * ra * inverse[0] + rb * rb * inverse[1];
+        let constants = law.map_or_else(LawConstants::default, |l| laws.contacts[l as usize]);
+        let springs = model.options.penalty_friction == PenaltyFriction::Spring;
+        let shear_time = match constants.slides && springs {
+            true => laws.elastic.shear_time(inv_mass, inv_mass_sliding).min(1.0),
+            false => 1.0,
+        };
         let mut pair = Pair {
             a: key.0,
             b: key.1,
             law,
             damped_at: 0.0,
-            constants: law.map_or_else(LawConstants::default, |l| laws.contacts[l as usize]),
+            constants,
             radii: [ra, rb],
             length: if wall.is_some() { ra } else { ra.min(rb) },
             driven: wall.and_then(|w| w.slot()),
             stiffness: laws.elastic.stiffness(curvature),
             inv_mass,
-            inv_mass_sliding: inv_mass + ra * ra * inverse[0] + rb * rb * inverse[1],
+            inv_mass_sliding,
             inv_inertia: inverse[0] + inverse[1],
+            shear_time,
             gap: 0.0,
             normal: DVec3::ZERO,
+            hollow: 0.0,
+            flat: DVec3::ZERO,
             force: 0.0,
             closed: touch.is_some(),
             touch: touch.unwrap_or(Touch::new(key, 0.0)),
@@ -102,6 +119,7 @@ impl Pair {
             driven_work: 0.0,
         };
         pair.place(model, &laws.elastic, bodies);
+        pair.damping_of_approach(model);
         pair
     }
 
@@ -119,14 +137,40 @@ impl Pair {
                 .periodic
                 .sphere_sphere(x[a], self.radii[0], *xb, self.radii[1])
         } else {
-            bodies.walls.meet(model, self.a, self.b, x[a])
+            let met = bodies.walls.meet(model, self.a, self.b, x[a]);
+            self.bend(&model.wall(self.b).shape, &met);
+            met
         };
         (self.gap, self.normal) = (gap, normal);
-        self.force = if gap < 0.0 {
-            elastic.force(self.stiffness, -gap)
-        } else {
-            0.0
+        self.force = elastic.force(self.stiffness, (-gap).max(0.0));
+    }
+
+    /// Stored energy of a closed contact whose wall has just been taken away, J.
+    pub fn taken(&self, model: &Model, elastic: &Elastic, bodies: &Bodies) -> f64 {
+        if self.gap < f64::INFINITY {
+            return 0.0;
+        }
+        let wall = &bodies.walls.now[self.b as usize - model.first_wall()];
+        let met = wall.meet(bodies.position[self.a as usize], self.radii[0]);
+        let mut there = *self;
+        there.gap = met.gap.min(0.0);
+        there.force = elastic.force(self.stiffness, -there.gap);
+        there.energy(elastic)
+    }
+
+    #[inline]
+    fn bend(&mut self, shape: &Shape, met: &Proximity) {
+        if matches!(shape, Shape::HalfSpace { .. } | Shape::Rectangle(_)) {
+            return;
+        }
+        // On the axis of what is round there is no direction, and no curvature is told.
+        self.hollow = match met.curvature {
+            0.0 => f64::INFINITY,
+            k => (-k).max(k * (met.flat.length_squared() - 1.0)).max(0.0),
         };
+        if matches!(shape, Shape::Cylinder(_)) && met.curvature < 0.0 {
+            self.flat = met.flat;
+        }
     }
 
     /// Follows the bodies, which have moved for `dt`: opens, closes, stretches the spring. Returns the completed collision.
@@ -206,7 +250,7 @@ impl Pair {
         speed
             .filter(|&v| {
                 let time = elastic.contact_time(self.stiffness, self.inv_mass, v, 1.0);
-                self.pressing(&bodies.smooth) * time <= v
+                self.pressing(bodies) * time <= v
             })
             .map(|_| record)
     }

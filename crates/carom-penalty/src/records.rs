@@ -22,7 +22,7 @@ impl Pair {
 
     /// Stored energy, J.
     pub fn energy(&self, elastic: &Elastic) -> f64 {
-        if !self.closed {
+        if !self.closed || self.gap >= 0.0 {
             return 0.0;
         }
         let slope = elastic.tangential_slope(self.force, -self.gap);

@@ -36,7 +36,7 @@ impl Stepper for Penalty {
         let (model, span) = (on.model, on.span);
         let (scratch, timers, report) = (&mut *on.scratch, &mut *on.timers, &mut *on.report);
         scratch.begin_step();
-        self.begin(model, on.state, scratch, span)?;
+        self.begin(model, on.state, scratch, report, span)?;
         timers.mark(Phase::Predict);
         self.accelerate();
         let mut left = span.h;
@@ -77,6 +77,7 @@ impl Penalty {
         model: &Model,
         state: &State,
         scratch: &mut Scratch,
+        report: &mut StepReport,
         span: Span,
     ) -> Result<(), Failure> {
         scratch.wall_impulse.fill([DVec3::ZERO; 2]);
@@ -84,6 +85,9 @@ impl Penalty {
         evaluated(self.bodies.walls.begin(model, span), said)?;
         self.bodies.walls.place(model, span.start);
         evaluated(self.take_state(model, state, span.start), said)?;
+        let (elastic, bodies) = (&self.laws.elastic, &self.bodies);
+        let taken = self.pairs.iter().map(|p| p.taken(model, elastic, bodies));
+        report.energy_out += taken.sum::<f64>();
         self.set_needs(model, |_, _| 0.0);
         self.refresh(model, &mut scratch.neighbours)?;
         self.take_pairs(model, scratch.neighbours.pairs());
@@ -118,10 +122,9 @@ impl Penalty {
     }
 
     fn longest(&self, model: &Model, left: f64) -> f64 {
-        let resolution = f64::from(model.options.penalty_resolution);
-        let (elastic, start) = (&self.laws.elastic, left.min(self.load_limit));
+        let start = left.min(self.load_limit);
         self.pairs.iter().fold(start, |shortest, pair| {
-            shortest.min(pair.longest_substep(elastic, &self.bodies, resolution, shortest))
+            shortest.min(pair.longest_substep(&self.laws, &self.bodies, model, shortest, start))
         })
     }
 
@@ -159,7 +162,7 @@ impl Penalty {
         let loaded = !model.loads.is_empty();
         let elastic = self.laws.elastic;
         for pair in self.pairs.iter_mut().filter(|p| p.closed) {
-            pair.dissipate(&mut self.bodies, model, &elastic, tau, true);
+            pair.dissipate(&mut self.bodies, model, &elastic, tau, true)?;
         }
         if loaded {
             evaluated(self.load(model, end - dt, 0.0), &mut scratch.load_error)?;
@@ -195,7 +198,7 @@ impl Penalty {
         self.kick_by_loads(model, tau);
         self.kick_by_contacts(tau);
         for pair in self.pairs.iter_mut().rev().filter(|p| p.closed) {
-            pair.dissipate(&mut self.bodies, model, &elastic, tau, false);
+            pair.dissipate(&mut self.bodies, model, &elastic, tau, false)?;
         }
         timers.mark(Phase::Velocity);
         Ok(())
@@ -237,12 +240,14 @@ impl Penalty {
         let (kinetic, mut potential) = self.energies(model)?;
         potential += self.potential;
         scratch.contacts.clear();
-        scratch.elastic = 0.0;
+        scratch.elastic.clear();
         for pair in &mut self.pairs {
             pair.end_step();
-            let elastic = pair.energy(&self.laws.elastic);
-            potential += elastic;
-            scratch.elastic += elastic;
+            if pair.closed {
+                let elastic = pair.energy(&self.laws.elastic);
+                potential += elastic;
+                scratch.elastic.push((pair.key(), elastic));
+            }
             report.candidates += u32::from(pair.gap < CANDIDATE_MARGIN * pair.length);
             if let (true, Some(law)) = (pair.has_record(), pair.law) {
                 scratch.contacts.push(pair.contact(law));

@@ -349,6 +349,7 @@ fn penalty<'py>(py: Python<'py>, inner: &carom_core::Simulation) -> PyResult<Bou
         let chi = law::damping(&model.options, law, 0.0);
         Ok(dict! { py,
             "restitution": law.restitution(0.0),
+            "varies": law.restitution_law.is_some(),
             "damping": chi,
             "restitution_effective": damping::restitution(chi),
         })

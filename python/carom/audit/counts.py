@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.arrays import Array, connected
+from carom.arrays import Array, Bool, connected
 from carom.audit import cohesion, flows, free_turns, rigid
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
@@ -42,13 +42,21 @@ def judge(run: Run, tally: Tally) -> None:
     for name, found, energy in (("removed", count[0], "energy_out"), ("entered", count[1], "energy_in")):
         off = np.abs(found - s[name].astype(np.int64))
         tally.measure("counts", off, 0.0, lambda i: run.step_place(i + 1))
-        brought = np.where(found == 0, np.abs(s[energy]), 0.0)
+        # A wall that is taken away takes the energy of the springs at it along.
+        alone = (found == 0) & ~(_wall_ends(run) if name == "removed" else np.zeros(steps, dtype=bool))
+        brought = np.where(alone, np.abs(s[energy]), 0.0)
         tally.measure("energy record", brought, 0.0, lambda i: run.step_place(i + 1))
     if not _works(run):
         tally.measure("energy record", np.abs(s["energy_work"]), 0.0, lambda i: run.step_place(i + 1))
     if run.has_impacts:
         _impacts(run, tally)
     _histories(run, tally)
+
+
+def _wall_ends(run: Run) -> Bool:
+    """In which steps a wall has just been taken away, and contacts were springs."""
+    ends = [wall.last / run.h for wall in run.walls] if run.method == "penalty" else []
+    return np.isin(run.steps["step"] - 1, np.rint(ends))
 
 
 def _works(run: Run) -> bool:

@@ -221,7 +221,10 @@ MEANINGS: dict[str, Meaning] = {
         "J", "work of loads without a potential and of prescribed motion in the step"
     ),
     "steps/energy_in": Meaning("J", "energy of the balls that entered after the step"),
-    "steps/energy_out": Meaning("J", "energy of the balls and clumps that left after the step"),
+    "steps/energy_out": Meaning(
+        "J",
+        "energy of the balls and clumps that left after the step; in penalty also of the springs at what was taken away",
+    ),
     "steps/entered": Meaning("1", "balls that entered after the step"),
     "steps/removed": Meaning("1", "balls that left after the step, those of clumps among them"),
     "steps/penetration": Meaning(
