@@ -48,7 +48,7 @@ def simulate(scene: carom.Scene, **options: Any) -> carom.Result:
 
 @pytest.fixture(scope="module")
 def breaks() -> carom.Scene:
-    return carom.Scene.from_toml(find("5.6_break"))
+    return carom.Scene.from_toml(find("5.6_break")).with_options(position_friction="once")
 
 
 def exact_restitution(chi: float) -> float:

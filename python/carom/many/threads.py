@@ -189,7 +189,7 @@ class Runner:
         except CaromError as error:
             self._note(case, "bad_model", str(error))
             return
-        overlap = simulation.overlaps(touching(model["options"]["pile_tolerance"]), 1)
+        overlap = simulation.overlaps(touching(model["options"]), 1)
         if overlap:
             a, b, gap = overlap[0]
             names = self.bodies[0 if self.overrides is not None else case]

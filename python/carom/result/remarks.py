@@ -15,6 +15,7 @@ import numpy as np
 from carom.errors import counted, quoted
 from carom.result.losses import at_joints, on_walls
 from carom.scene.tables.impact_laws import LAWS
+from carom.scene.tables.options import MOST_OVERLAP
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -28,9 +29,6 @@ MORE = 20
 MOST_RISE = 1e-3
 #: Rise of a step of 1 ms over the same energy that piles at rest keep to; it grows with the square of the step.
 RISE_PILE = 2e-6
-#: Overlap, in radii, that rigid contact does not have. Two balls that go by 0.05 radii a step, which gets no advice, overlap
-#: by up to 0.1 at a hit in method moreau. In sound runs penalty stays below 0.04, and the other methods below 1e-3.
-MOST_OVERLAP = 0.1
 #: Overlap from which a ball may be on the other side of a wall: its centre is at the surface, less what a step adds.
 THROUGH = 0.9
 #: What keeps bodies apart, by method.

@@ -26,7 +26,7 @@ from carom.scene.checks.rules import Whole, steps
 from carom.scene.messages import Finding
 from carom.scene.plan import STEP_BYTES, Plan
 from carom.scene.tables.laws import value_at
-from carom.scene.tables.options import OPTIONS
+from carom.scene.tables.options import OPTIONS, STEPPING
 from carom.scene.tables.walls import PLANE
 
 WARN_TRAVEL = 0.05
@@ -75,12 +75,19 @@ def advise(parts: Whole) -> Iterator[Finding]:
 
 
 def _other_methods(parts: Whole) -> Iterator[Finding]:
-    """Options that are set and that the method does not read."""
+    """Options and keys of contacts that are set and that the method does not read."""
     given, usual = parts.run.options(), _core.defaults()
-    for name, option in OPTIONS.items():
-        if option.only and given["method"] != option.only and given[name] != usual[name]:
-            cause = f"method {given['method']} does not read it"
-            yield Finding(("run", name), cause, f"leave it out, or set method = {quoted(option.only)}")
+    unread: list[tuple[tuple[str | int, ...], tuple[str, ...]]] = [
+        (("run", name), option.methods)
+        for name, option in OPTIONS.items()
+        if given["method"] not in option.methods and given[name] != usual[name]
+    ]
+    if given["method"] not in STEPPING:
+        ratios = [i for i, law in parts.contacts() if law.stiffness_ratio != 1]
+        unread += [(("contact", i, "stiffness_ratio"), STEPPING) for i in ratios]
+    for place, methods in unread:
+        cause = f"method {given['method']} does not read it"
+        yield Finding(place, cause, f"leave it out, or set method = {' or '.join(map(quoted, methods))}")
 
 
 def _has_substeps(parts: Whole) -> bool:

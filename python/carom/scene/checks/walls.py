@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from carom.scene.assembly.placing import Placed
 from carom.scene.assembly.vectors import cross, norm, scaled
 from carom.scene.checks.deformation import least_lengths
 from carom.scene.messages import Finding
+from carom.scene.tables.options import MOST_OVERLAP
 from carom.scene.tables.quantities import Vec3, unit
 from carom.scene.tables.walls import PLANE, WALLS, Box
 
@@ -39,19 +40,21 @@ ALONG = 1e-9
 """Sine of an angle below which a direction is along an axis that repeats, as in the core (`build/periodic.rs`)."""
 
 
-def touching(pile_tolerance: float) -> float:
-    """Overlap over the radius up to which bodies count as touching at the start of a run.
+def touching(options: Mapping[str, Any]) -> float:
+    """Overlap over the radius that runs with these options admit at their start, to begin where others have ended.
 
-    In scenes of piles it is what a step may leave in the largest of them, so that a run can begin where another one has
-    ended.
+    In scenes of piles it is what a step may leave in the largest of them; with springs what they hold without a warning.
     """
+    if options.get("method") == "penalty":
+        return MOST_OVERLAP
+    pile_tolerance = float(options.get("pile_tolerance", 0.0))
     return _core.pile_overlap(pile_tolerance, HUGE) if pile_tolerance >= COARSE else TOUCHING
 
 
 def start_overlap(parts: Parts) -> float:
     """`touching` of a scene."""
     options = parts.run.options() if parts.run is not None else {}
-    return touching(float(options.get("pile_tolerance", 0.0)))
+    return touching(options)
 
 
 def check_walls(parts: Parts) -> Iterator[Finding]:
