@@ -118,6 +118,23 @@ class TestValues:
         assert scene.parameters == {"r": R, "f": 0.5, "phi": math.asin(0.5), "mu": 0.06, "n": 2.0}
         assert scene.case is None
 
+    def test_a_quantity_is_that_number_in_si_wherever_it_is_given(self) -> None:
+        """8 degrees became 8 radians: the message said to define the name of the unit as 1."""
+        text = changed(
+            ("f = 0.5", 'deg = "1 deg"\nf = "45°"'),
+            ('"= asin(1 - f)"', '"= 2*f - 60*deg"'),
+            ("f = 0.25", 'f = "50 deg"'),
+        )
+        scene = Scene.from_toml(text)
+        assert scene.parameters["phi"] == pytest.approx(math.pi / 6, rel=1e-15)
+        np.testing.assert_allclose(position(scene), placed(math.pi / 6), rtol=0, atol=1e-16)
+        assert Scene.from_toml(text, case="f=0.25").parameters["phi"] == pytest.approx(
+            2 * math.pi / 9, rel=1e-15
+        )
+        for value in ("45 deg", "= 45*deg", "0.125 rev", np.radians(45)):
+            found = Scene.from_toml(text, parameters={"f": value}).parameters["f"]
+            assert found == pytest.approx(math.pi / 4, rel=1e-15)
+
     def test_a_case_overrides_and_what_depends_on_it_follows(self) -> None:
         np.testing.assert_allclose(
             position(Scene.from_toml(CUT, case="f=0.25")), placed(math.asin(0.75)), rtol=0, atol=1e-16
@@ -184,6 +201,7 @@ class TestFiles:
         for old, new in (
             ('radius = "= r"', 'radius = "r"'),
             ("f = 0.25", "f = true"),
+            ("f = 0.25", 'f = "abc"'),
             ("[[case]]", "[[cases]]"),
         ):
             assert not schema.is_valid(tomllib.loads(changed((old, new)))), new
@@ -200,7 +218,10 @@ WRONG = [
     (('"= asin(1 - f)"', '"= asin(2 - f)"'), "asin", "parameters.phi", ["asin(1.5)", "f = 0.5"]),
     (('"= asin(1 - f)"', '"= asin(1 - mu)"'), "asin", "parameters.phi", ["move mu up"]),
     (('"= asin(1 - f)"', '"= 2*phi"'), "2*phi", "parameters.phi", ["move phi up"]),
-    (('"= asin(1 - f)"', '"30 deg"'), "30 deg", "parameters.phi", ["found \"30 deg\"", "SI units"]),
+    (('"= asin(1 - f)"', '"30 degrees"'), "30 degrees", "parameters.phi", ["mean deg?", "SI units", '"= 2*pi"']),
+    (('"= asin(1 - f)"', '"1,5 deg"'), "1,5 deg", "parameters.phi", ['"1.5 deg"']),
+    (('"= asin(1 - f)"', '"= 30 deg"'), "30 deg", "parameters.phi", ['leave the "=" out']),
+    (('"= asin(1 - f)"', '"= 30*deg"'), "30*deg", "parameters.phi", ['deg = "1 deg" if the unit is meant']),
     (("n = 2", "n = 2\nz = 1.0"), "z = 1.0", "parameters.z", ["not used", "leave it out"]),
     (("n = 2", "n = true"), "n = true", "parameters.n", ["found true"]),
     (("n = 2", "n = nan"), "n = nan", "parameters.n", ["found nan"]),
@@ -266,7 +287,7 @@ def test_one_table_in_place_of_many() -> None:
     [
         ({"case": "thin"}, "case", "did you mean thin cut?"),
         ({"set": {"fi": 1}}, "set fi", "known: r, f, phi, mu, n"),
-        ({"set": {"f": "0.3"}}, "set f", 'found "0.3"'),
+        ({"set": {"f": "0.3"}}, "set f", "remove the quotes"),
         ({"set": {"f": "= mu"}}, "set f", "move mu up"),
         ({"set": {"f": None}}, "set f", "found nothing"),
         ({"set": {"f": 7}}, "parameters.phi", "asin(-6)"),
@@ -352,6 +373,8 @@ class TestCommandLine:
             ("fi=1", "did you mean f?"),
             ("stp=1", "did you mean step?"),
             ("phi=2r", "write *"),
+            ("phi=8 degrees", "did you mean deg?"),
+            ("phi=8*deg", 'deg = "1 deg" if the unit is meant'),
             ("parameters.g=1", "is no parameter of this file"),
             ("step=1", "write --set parameters.step=... or --set run.step=..."),
         ],

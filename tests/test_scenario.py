@@ -196,6 +196,10 @@ class TestQuantities:
             ("9.8 m/s/s", "acceleration", 9.8),
             ("30 deg", "angle", 30 * np.pi / 180),
             ("1 1/s*rad", "angular speed", 1.0),
+            ("7.8 g/cm³", "density", 7800.0),
+            ("2 m·s⁻²", "acceleration", 2.0),
+            ("30°", "angle", np.pi / 6),
+            ("180 °/s", "angular speed", np.pi),
             ("1e999 m", "length", np.inf),
             ("1e-999 m", "length", 0.0),
         ],
@@ -214,7 +218,6 @@ class TestQuantities:
             "1 m^",
             "1 m2x",
             "--1 m",
-            "1,5 m",
             "0x1 m",
             "1 m!",
             "nan m",
@@ -244,8 +247,9 @@ class TestQuantities:
         ("text", "dimension", "meant"),
         [
             ("5 mn", "force", "mN"),
-            ("5 mn", "time", "min"),
-            ("5 mn", "length", "m"),
+            ("5 mn", "time", "ms or min"),
+            ("5 mn", "length", "m, mm or in"),  # m alone was once suggested
+            ("5 mhp", "speed", "mph"),
             ("2 mpa", "pressure", "MPa"),
             ("3 M/s", "speed", "m"),
             ("3 kgg/cm3", "density", "kg"),
@@ -262,6 +266,25 @@ class TestQuantities:
         with pytest.raises(units.UnitError) as caught:
             units.parse("3 hz", "frequency")  # h is an hour
         assert "did you mean" not in str(caught.value)
+
+    @pytest.mark.parametrize("text", ["3 x", "3 y/s", "3 qq"])
+    def test_a_letter_for_a_letter_is_no_likeness(self, text: str) -> None:
+        with pytest.raises(units.UnitError) as caught:
+            units.parse(text)
+        assert "did you mean" not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("text", "cure"),
+        [
+            ("1,5 cm", 'write a point: "1.5 cm"'),
+            ("-7,8e3 kg", 'write a point: "-7.8e3 kg"'),
+            ("1,234.5 mm", "write a number in m"),
+        ],
+    )
+    def test_a_decimal_comma_is_no_part_of_a_unit(self, text: str, cure: str) -> None:
+        with pytest.raises(units.UnitError) as caught:
+            units.parse(text, "length")
+        assert caught.value.cure.startswith(cure)
 
     def test_angle_is_not_nothing(self) -> None:
         with pytest.raises(units.UnitError, match="expected an angular speed"):

@@ -13,7 +13,7 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 
-from carom.errors import nearest, quoted
+from carom.errors import quoted
 
 Dimension = tuple[int, int, int, int]
 """Exponents of length, mass, time and angle."""
@@ -105,6 +105,7 @@ SPELLED: dict[str, str] = {
 """How people write units that have a symbol: only to say in a message which they meant."""
 _MEANT = {word: unit for unit, words in SPELLED.items() for word in words.split()}
 
+_ASCII = str.maketrans({"µ": "u", "μ": "u", "·": "*", "°": "deg", "¹": "1", "²": "2", "³": "3", "⁻": "-"})
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE]([+-]?\d+))?)\s*(.*?)\s*", re.DOTALL)
 # A 1 only stands before a slash: "5 12 m" would be 5 m otherwise, with 12 as a power of 1.
 _FACTOR = re.compile(r"([*/ ]?)\s*(?:([A-Za-z]+)(?:\^?(-?\d))?|1(?=\s*/))\s*")
@@ -124,8 +125,8 @@ class UnitError(ValueError):
         return f"{self.cause}; {self.cure}"
 
 
-def parse(text: str, dimension: str) -> float:
-    """The value of `text` in SI, which must have the dimension named (a key of `DIMENSIONS`).
+def parse(text: str, dimension: str | None = None) -> float:
+    """The value of `text` in SI, which must have the dimension named (a key of `DIMENSIONS`), if one is.
 
     The factor is a fraction, so the result is the double nearest to the true value: `"28.575 mm"` equals
     `0.028575`.
@@ -135,12 +136,16 @@ def parse(text: str, dimension: str) -> float:
     if match is None:
         raise UnitError(f"{quoted(text)} is not a number with a unit", cure)
     digits, exponent, unit = match.groups()
+    if re.match(r",\d+(?![\d.,])", unit):
+        raise UnitError(
+            f"{quoted(text)} has a decimal comma", f"write a point: {quoted(text.replace(',', '.', 1))}"
+        )
     if not unit:
         # "0.5" in quotes: accepting it would hide the forgotten unit that a string announces
         raise UnitError(f"{quoted(text)} is text without a unit", f"remove the quotes, or {cure}")
-    wanted = DIMENSIONS[dimension][0]
-    factor, pi, found = _parse_unit(unit.replace("µ", "u").replace("μ", "u").replace("·", "*"), cure, wanted)
-    if found != wanted:
+    wanted = DIMENSIONS[dimension][0] if dimension else None
+    factor, pi, found = _parse_unit(unit.translate(_ASCII), cure, wanted)
+    if dimension and found != wanted:
         is_a = next((f", {_article(name)}" for name, row in DIMENSIONS.items() if row[0] == found), "")
         raise UnitError(f"expected {_article(dimension)}, found {quoted(text)}{is_a}", cure)
     if exponent is not None and abs(int(exponent)) > 400:
@@ -154,12 +159,26 @@ def parse(text: str, dimension: str) -> float:
 
 def factor(unit: str) -> float:
     """What one `unit` of any dimension is in SI; no text is 1."""
-    value, pi, _ = _parse_unit(unit.replace("µ", "u").replace("μ", "u").replace("·", "*"), "write SI units")
+    value, pi, _ = _parse_unit(unit.translate(_ASCII), "write SI units")
     return float(value) * math.pi**pi
 
 
-def expected(dimension: str) -> str:
+def is_quantity(text: str) -> bool:
+    """Whether a number is followed by what people call a unit."""
+    match = _QUANTITY.fullmatch(text)
+    word = re.match("[A-Za-z]+", match[3].translate(_ASCII)) if match else None
+    return word is not None and meant(word[0]) is not None
+
+
+def meant(name: str) -> str | None:
+    """The unit that people call so, if there is one."""
+    return name if name in UNITS else _MEANT.get(name.lower())
+
+
+def expected(dimension: str | None) -> str:
     """What may stand there, in words: `a number in m, or "NUMBER UNIT" with a unit of m, km, cm, mm, um, in, ft`."""
+    if dimension is None:
+        return 'a number in SI units, or "NUMBER UNIT"'
     exponents, si, made = DIMENSIONS[dimension]
     known = [*made.split(", "), *(unit for unit, row in UNITS.items() if row[2] == exponents)]
     units = ", ".join(filter(None, known))
@@ -173,7 +192,8 @@ def _article(name: str) -> str:
 @lru_cache(maxsize=256)
 def _parse_unit(text: str, cure: str, wanted: Dimension | None = None) -> _Unit:
     """Products and powers of `UNITS`: `kg/m^3`, `kg m^2`, `m/s2`, `1/s`. A slash divides by the next factor
-    only. An unknown unit is reported with one that would make the `wanted` dimension, if it may have been meant.
+    only. An unknown unit is reported with those that would make the `wanted` dimension and may have been meant;
+    not so without a `cure`.
     """
     factor, pi, exponents = Fraction(1), 0, (0, 0, 0, 0)
     position = 0
@@ -184,7 +204,7 @@ def _parse_unit(text: str, cure: str, wanted: Dimension | None = None) -> _Unit:
         name, power = match[2], int(match[3] or 1) * (-1 if match[1] == "/" else 1)
         if name is not None:
             if name not in UNITS:
-                best = _meant(text, match.span(2), wanted) if wanted is not None else None
+                best = _alike(text, match.span(2), wanted) if cure else ""
                 hint = f"did you mean {best}? otherwise {cure}" if best else cure
                 raise UnitError(f"unknown unit {quoted(name)}", hint)
             base, base_pi, base_exponents = UNITS[name]
@@ -196,19 +216,31 @@ def _parse_unit(text: str, cure: str, wanted: Dimension | None = None) -> _Unit:
     return factor, pi, exponents
 
 
-def _meant(text: str, span: tuple[int, int], wanted: Dimension) -> str | None:
-    """What `text` may mean, or the unit at `span` of it: the nearest of those that make the wanted dimension."""
+def _alike(text: str, span: tuple[int, int], wanted: Dimension | None) -> str:
+    """What `text` may mean, or the units at `span` of it: those that differ by one slip and make the wanted dimension."""
     words = re.sub("[A-Za-z]+", lambda word: _MEANT.get(word[0].lower(), word[0]), text)
     for spelled in (_MEANT.get(text.replace(" ", "").lower(), words), words):
         with suppress(UnitError):  # another part cannot be read either
-            if _parse_unit(spelled, "")[2] == wanted:
+            if wanted in (None, _parse_unit(spelled, "")[2]):
                 return spelled
-    fitting = {}
+    name, fitting = text[slice(*span)].lower(), []
     for unit in UNITS:
         try:
-            if _parse_unit(text[: span[0]] + unit + text[span[1] :], "")[2] == wanted:
-                fitting[unit.lower()] = unit  # case matters (mN), so the nearest name is looked up without it
+            found = _parse_unit(text[: span[0]] + unit + text[span[1] :], "")[2]
         except UnitError:  # another part cannot be read either
-            return None
-    best = nearest(text[slice(*span)], list(fitting))
-    return fitting[best] if best else None
+            return ""
+        if wanted in (None, found):
+            fitting.append(unit)  # case matters (mN), so names are compared without it
+    near = [unit for unit in fitting if unit.lower() == name]
+    near = near or [unit for unit in fitting if _one_slip(unit.lower(), name)]
+    return " or ".join(filter(None, (", ".join(near[:-1]), *near[-1:])))
+
+
+def _one_slip(a: str, b: str) -> bool:
+    """Whether one letter was left out, added or mistaken, or letters changed places."""
+    return sorted(a) == sorted(b) or len(_gaps(a) & _gaps(b) - {"?"}) > 0
+
+
+def _gaps(name: str) -> set[str]:
+    """The name with a gap in place of each letter, and between any two."""
+    return {f"{name[:i]}?{name[i + k :]}" for i in range(len(name) + 1) for k in (0, 1)}

@@ -174,6 +174,7 @@ def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
         return {}
     from carom.scene.tables.model import SINGLE
     from carom.scene.toml import load
+    from carom.units import is_quantity
 
     known, _ = load.variants(scenario)
     options = {key: name for name in ("run", "record") for key in SINGLE[name].model_fields}
@@ -185,8 +186,8 @@ def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
                     f"--set {key}: both a parameter of the file and a key of [{options[key]}] are called so;"
                     f" write --set {_PARAMETERS}{key}=... or --set {options[key]}.{key}=..."
                 )
-            # A parameter is a number, so text can only be an expression.
-            bare = isinstance(value, str) and not value.startswith("=")
+            # A parameter is a number, so text can only be a quantity or an expression.
+            bare = isinstance(value, str) and not value.startswith("=") and not is_quantity(value)
             found[key] = f"= {value}" if bare else value
         elif known and key.rpartition(".")[2] not in options:
             cause = "is neither a parameter of the file nor a key of [run] or [record]"

@@ -171,7 +171,7 @@ OPTIONS: dict[str, Option] = {
         methods=STEPPING,
     ),
     "max_halvings": Option(
-        "halvings of a step that could not be solved, before the run stops; at 4 it is halved on, up to 8 times",
+        "halvings of a step that is not solved, or too fast, at most; at 4 one not solved is halved up to 8 times",
         Bounds(ge=0, le=20),
         methods=STEPPING,
     ),

@@ -14,6 +14,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
+from carom import units
 from carom._core import Expression
 from carom.errors import did_you_mean, quoted
 from carom.numeric import is_finite
@@ -109,8 +110,9 @@ def _read(raw: Mapping[str, Any]) -> Tables:
         else:
             tables.order.append(name)
     for name in tables.order:
-        if _fit(tables, ("parameters", name), name, given[name]):
-            tables.parameters[name] = given[name]
+        value = _fit(tables, ("parameters", name), name, given[name])
+        if value is not None:
+            tables.parameters[name] = value
     _read_cases(raw, tables)
     return tables
 
@@ -129,16 +131,23 @@ def _unfit(name: str) -> tuple[str, str] | None:
     return None
 
 
-def _fit(tables: Tables, path: Path, name: str, value: Any) -> bool:
-    """Whether a value for the parameter `name` is a number, or an expression of the parameters above it."""
+def _fit(tables: Tables, path: Path, name: str, value: Any) -> float | str | None:
+    """The value of the parameter `name` in SI, or its expression of the parameters above it; None if it is wrong."""
     k = tables.order.index(name)
     if is_formula(value):
-        return tables.formulas.names(value, path, tables.order[:k], tables.order[k:])
-    if is_finite(value):
-        return True
-    cure = 'write a number in SI units, or an expression of the parameters above it: "= 2*pi"'
-    tables.formulas.refuse(path, f"expected a number or an expression, found {quoted(value)}", cure)
-    return False
+        known = tables.formulas.names(value, path, tables.order[:k], tables.order[k:])
+        return str(value) if known else None
+    formula = ', or an expression of the parameters above it: "= 2*pi"'
+    try:
+        number = units.parse(value) if isinstance(value, str) else value
+    except units.UnitError as e:
+        tables.formulas.refuse(path, e.cause, e.cure + formula)
+        return None
+    if is_finite(number):
+        return float(number)
+    cause = f"expected a number or an expression, found {quoted(value)}"
+    tables.formulas.refuse(path, cause, f"write {units.expected(None)}{formula}")
+    return None
 
 
 def _read_cases(raw: Mapping[str, Any], tables: Tables) -> None:
@@ -172,8 +181,8 @@ def _read_cases(raw: Mapping[str, Any], tables: Tables) -> None:
                 continue
             if key not in tables.order:
                 formulas.refuse((*path, key), "is not in [parameters]", did_you_mean(key, tables.order))
-            elif _fit(tables, (*path, key), key, value):
-                values[key] = value
+            elif (fit := _fit(tables, (*path, key), key, value)) is not None:
+                values[key] = fit
         if isinstance(name, str):
             tables.cases.setdefault(name, (path, values))
 
@@ -202,8 +211,8 @@ def _given(tables: Tables, given: Mapping[str, Any]) -> Chosen:
         if name not in tables.order:
             cure = did_you_mean(name, tables.order) if tables.order else "the file has no [parameters]"
             tables.formulas.refuse(path, "is no parameter of this file", cure)
-        elif _fit(tables, path, name, value):
-            chosen[name] = (path, value)
+        elif (fit := _fit(tables, path, name, value)) is not None:
+            chosen[name] = (path, fit)
     return chosen
 
 

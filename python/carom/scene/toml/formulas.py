@@ -10,7 +10,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from carom.errors import did_you_mean, quoted
+from carom import units
+from carom.errors import did_you_mean, nearest, quoted
 from carom.scene.messages import Finding
 from carom.scene.tables.laws import Law, LawVector, parse
 from carom.scene.toml.lines import Path
@@ -100,18 +101,23 @@ class Formulas:
             return parse(_blank(text))
         except ValueError as e:
             cause, _, cure = str(e).partition("; ")
-            self.refuse(path, f"cannot read {quoted(text)}: {cause}", cure or "complete it")
+            cure = cure or "complete it"
+            if units.is_quantity(_blank(text)):
+                cure += '; of a number with a unit leave the "=" out'
+            self.refuse(path, f"cannot read {quoted(text)}: {cause}", cure)
             return None
 
     def _unknown(self, text: str, name: str, path: Path, known: list[str], later: Iterable[str]) -> None:
         column = next((m.start() + 1 for m in _NAME.finditer(text) if m[0] == name), 1)
+        unit = units.meant(name)
         cause = f"unknown name {name} in {quoted(text)} at column {column}"
         if name in later:
             self.refuse(path, cause, f"an expression uses parameters above it: move {name} up")
-        elif known:
+        elif known and (unit is None or nearest(name, known)):
             self.refuse(path, cause, did_you_mean(name, known))
         else:
-            self.refuse(path, cause, f"define it: [parameters], and below it {name} = 1.0")
+            value = "1.0" if unit is None else f'"1 {unit}" if the unit is meant'
+            self.refuse(path, cause, f"define it: [parameters], and below it {name} = {value}")
 
     def _is_law(self, text: str, variable: str, path: Path, values: Mapping[str, float | None]) -> bool:
         """Whether somebody wrote a law as an expression of parameters."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from carom.scene.tables.joints import KEYS, TYPES
 from carom.scene.tables.model import FORMAT, Scenario
+from carom.units import SCHEMA_PATTERN
 
 
 def json_schema() -> dict[str, Any]:
@@ -55,7 +56,8 @@ FORMULA = {
     "type": "string",
     "pattern": r"^\s*=",
 }
-NUMBER = {"anyOf": [{"type": "number"}, {"$ref": "#/$defs/Formula"}]}
+QUANTITY = {"type": "string", "pattern": SCHEMA_PATTERN}
+NUMBER = {"anyOf": [{"type": "number"}, QUANTITY, {"$ref": "#/$defs/Formula"}]}
 
 
 def _case() -> dict[str, Any]:
