@@ -34,6 +34,19 @@ def test_falls_are_foreseen() -> None:
     assert drop(height=5.0, method="penalty").validate() == []
 
 
+@pytest.mark.parametrize("height", [0.6, 2.0, 5.0])
+@pytest.mark.parametrize("step", [0.02, 0.1])
+@pytest.mark.parametrize("balls", [1, 2])
+def test_the_step_that_is_called_safe_is_not_warned_of(height: float, step: float, balls: int) -> None:
+    """Each of three rules named its own step; only the first was heard."""
+    scene = drop(height=height, step=step)
+    if balls == 2:
+        scene.sphere("other", radius=0.02, mass=1.0, at=(1, 0, 0.02), velocity=(0.9, 0, 0), material="m")
+    (cure,) = (a.cure for a in scene.validate() if "is safe" in a.cure)
+    safe = float(cure.split()[2])
+    assert not [a for a in scene.with_options(step=safe).validate() if "is safe" in a.cure]
+
+
 @pytest.mark.parametrize(
     ("until", "steps"), [(0.0101, 11), (0.0109, 11), (0.001, 1), (0.00101, 2), (0.3, 300)]
 )

@@ -96,10 +96,20 @@ def _has_substeps(parts: Whole) -> bool:
 
 
 def _step_length(parts: Whole) -> Iterator[Finding]:
-    run, bodies = parts.run, parts.bodies()
     if _has_substeps(parts):  # which see every contact
         return
-    # the fastest ball relative to its size; another may come towards it as fast, which the limits allow for
+    told = [*_step_of_hits(parts), *_step_before_planes(parts), *_step_of_falls(parts)]
+    if told:
+        yield min(told, key=lambda one: one[0])[1]  # what is safe for it is safe for the others
+
+
+Limit = tuple[float, Finding]
+"""The longest step that is safe, s, and the advice to take it."""
+
+
+def _step_of_hits(parts: Whole) -> Iterator[Limit]:
+    """The fastest ball relative to its size; another may come towards it as fast, which the limits allow for."""
+    run, bodies = parts.run, parts.bodies()
     rate = np.sqrt((bodies.velocity**2).sum(axis=1)) / bodies.radius
     body = int(rate.argmax())
     travel = float(rate[body]) * run.step
@@ -107,22 +117,17 @@ def _step_length(parts: Whole) -> Iterator[Finding]:
         ok, fine = below(WARN_TRAVEL / rate[body]), below(FINE_TRAVEL / rate[body])
         name = quoted(bodies.names[body])
         cause = f"a step of {run.step:g} s moves {name} by {travel:.2g} radii: oblique hits lose accuracy"
-        yield Finding(
-            ("run", "step"),
-            cause + " and grazing ones may be missed",
-            f"step = {ok:g} is safe, {fine:g} accurate",
-        )
-    else:
-        yield from list(_step_before_planes(parts, run.step)) or _step_of_falls(parts)
+        cause += " and grazing ones may be missed"
+        yield ok, Finding(("run", "step"), cause, f"step = {ok:g} is safe, {fine:g} accurate")
 
 
-def _step_before_planes(parts: Whole, step: float) -> Iterator[Finding]:
+def _step_before_planes(parts: Whole) -> Iterator[Limit]:
     """Planes are flat, so that hits lose no accuracy; but a ball must not get far behind one in a step.
 
     What gravity adds to the speed within the first step counts too; of later speeds tells the summary of the run.
     """
     bodies = parts.bodies()
-    safe, worst, met = math.inf, 0.0, ""
+    step, safe, worst, met = parts.run.step, math.inf, 0.0, ""
     for plane in _planes(parts):
         normal = np.array(plane.shape[1])
         rate = np.maximum(0.0, -(bodies.velocity @ normal)) / bodies.radius
@@ -138,10 +143,11 @@ def _step_before_planes(parts: Whole, step: float) -> Iterator[Finding]:
         safe = min(safe, float(root.min()))
     if worst:
         cause = f"a step of {step:g} s moves {met} by {worst:.2g} radii: impacts on planes may be missed"
-        yield Finding(("run", "step"), cause, f"step = {below(safe):g} is safe")
+        safe = below(safe)
+        yield safe, Finding(("run", "step"), cause, f"step = {safe:g} is safe")
 
 
-def _step_of_falls(parts: Whole) -> Iterator[Finding]:
+def _step_of_falls(parts: Whole) -> Iterator[Limit]:
     """What gravity will make of the speeds: a ball that falls freely onto a plane within the run, others not in its way.
 
     Only in scenes of a few balls: in heaps balls fall less far than their height, and the summary of the run tells.
@@ -168,7 +174,7 @@ def _step_of_falls(parts: Whole) -> Iterator[Finding]:
         cause = f"falling, {quoted(name)} reaches {speed_:.3g} m/s at {quoted(met)}"
         cause += f": a step of {run.step:g} s moves it by {travel_:.2g} radii"
         safe = below(PLANE_TRAVEL * run.step / travel_)
-        yield Finding(("run", "step"), cause, f"step = {safe:g} is safe")
+        yield safe, Finding(("run", "step"), cause, f"step = {safe:g} is safe")
 
 
 def _held_up(bodies: Bodies, normal: F64) -> Bool:
