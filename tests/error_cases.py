@@ -205,7 +205,13 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("contact", "restitution = 0.5 -> restitution = 0.5\ncohesion = 0.1")
     ],
     "expected a formula, found ...": [("load", force("{ expression = 3 }"))],
-    "cannot read ...: ...": [("load", force('{ expression = "2*" }'))],
+    "cannot read ...: ...": [
+        ("load", force('{ expression = "2*" }')),
+        ("parameters", '[parameters]\nx = "= 8 deg"\n'),
+    ],
+    "no material is declared": [
+        ("contact", '[[material]]\nname = "ball"\n\n[[material]]\nname = "cloth"\n\n -> \n')
+    ],
     "unknown name ... in ...": [("load", force('{ expression = "x" }'))],
     "expected a list of ..., found ...": [("load", force("{ table = 3 }"))],
     "expected ... to ... ..., found ...": [("load", force("{ table = [[0,0]] }"))],

@@ -110,7 +110,7 @@ MISTAKES = {
         '"28.575 mm"\nmass = 0.17\nposition = [0.0',
         '"2 mn"\nmass = 0.17\nposition = [0.0',
         'unknown unit "mn"',
-        "did you mean m? otherwise",
+        "did you mean m, mm or in? otherwise",
     ),
     "no unit": (
         '"28.575 mm"\nmass = 0.17\nposition = [0.0',
@@ -370,6 +370,22 @@ def test_all_mistakes_are_told_at_once_also_those_between_tables(tmp_path: Path)
     assert "expected a mass" in lines[3]
     assert "did you mean mass?" in lines[4]
     assert "did you mean cloth?" in lines[5]
+
+
+def test_materials_are_looked_for_in_tables_with_another_mistake(tmp_path: Path) -> None:
+    text = GOOD.replace('name = "cue"\nmaterial = "ball"', 'name = "cue"\nmaterial = "bal"\nmss = 1')
+    text = text.replace(
+        'between = ["ball", "cloth"]\nfriction = 0.2', 'between = ["ball", "clth"]\nfriction = -1'
+    )
+    lines = problems_of(text, tmp_path)
+    assert ["did you mean ball?" in line for line in lines if '"bal"' in line] == [True]
+    assert ["did you mean cloth?" in line for line in lines if 'material "clth"' in line] == [True]
+    assert len(lines) == 4
+    none = GOOD.replace('[[material]]\nname = "ball"', "").replace('[[material]]\nname = "cloth"', "")
+    (line,) = problems_of(none.replace("mass = 0.17", "mss = 1", 1), tmp_path)[:1]
+    assert "no material is declared" in line
+    assert '"ball", "cloth"' in line
+    assert not [line for line in problems_of(none, tmp_path) if "unknown material" in line]
 
 
 def test_mass_is_asked_for_together_with_other_mistakes(tmp_path: Path) -> None:

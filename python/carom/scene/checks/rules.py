@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,13 +30,14 @@ from carom.scene.checks.penalty import check_penalty
 from carom.scene.checks.walls import MOST, check_periodic, check_walls, start_overlap
 from carom.scene.messages import Finding
 from carom.scene.plan import MOST_STEPS, SLACK, whole_steps
-from carom.scene.tables.balls import MOST_BALLS, Ball, Generator
+from carom.scene.tables.balls import MOST_BALLS, Generator
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
 from carom.scene.tables.model import REPEATED, Contact, Material, Record, Scenario, World
 from carom.scene.tables.options import RunBase
-from carom.scene.tables.walls import WALLS, Wall
+from carom.scene.tables.walls import WALLS
+from carom.scene.toml.lines import Path
 
 T = TypeVar("T", bound=Table)
 
@@ -56,6 +57,8 @@ class Parts:
     """Names of materials whose tables could not be read."""
     world: World | None = None
     record: Record | None = None
+    broken: Sequence[tuple[str, int, Mapping[str, Any]]] = ()
+    """Tables that could not be read, each with its section and place: names in them are looked at all the same."""
     _walls: list[Placed] | None = field(default=None, repr=False)
     _bodies: Bodies | None = field(default=None, repr=False)
 
@@ -237,18 +240,27 @@ def _rename(section: str) -> str:
 def _materials(parts: Parts) -> Iterator[Finding]:
     known = parts.materials()
     admitted = set(known) | parts.lost_materials
-    cure = 'add [[material]] name = "..."' if not known else ""
-    for section in (*BALLS, *WALLS):
-        for i, table in parts.entries[section]:
-            assert isinstance(table, Ball | Clump | Inflow | Wall)
-            if table.material not in admitted:
-                hint = cure or did_you_mean(table.material, known)
-                yield Finding((section, i, "material"), f"unknown material {quoted(table.material)}", hint)
-    for i, contact in parts.contacts():
-        for name in dict.fromkeys(contact.between):
-            if name not in admitted:
-                cause = f"unknown material {quoted(name)}"
-                yield Finding(("contact", i, "between"), cause, cure or did_you_mean(name, known))
+    unknown = [(path, name) for path, name in _named_materials(parts) if name not in admitted]
+    if not admitted and "material" not in parts.damaged and unknown:
+        names = ", ".join(quoted(name) for name in sorted({name for _, name in unknown}))
+        yield Finding(
+            unknown[0][0], "no material is declared", f"add [[material]] with name = ... for {names}"
+        )
+        return
+    for path, name in unknown:
+        yield Finding(path, f"unknown material {quoted(name)}", did_you_mean(name, known))
+
+
+def _named_materials(parts: Parts) -> Iterator[tuple[Path, str]]:
+    """Every name of a material with its place, also in tables that are wrong in another way."""
+    read = [(section, i, vars(table)) for section, tables in parts.entries.items() for i, table in tables]
+    for section, i, table in (*read, *parts.broken):
+        key = "between" if section == "contact" else "material"
+        if section in ("contact", *BALLS, *WALLS):
+            given = table.get(key)
+            names = given if isinstance(given, list | tuple) else [given]
+            for name in dict.fromkeys(name for name in names if isinstance(name, str)):
+                yield (section, i, key), name
 
 
 def _pairs(parts: Parts) -> Iterator[Finding]:

@@ -206,12 +206,15 @@ def _beyond(raw: Mapping[str, Any], found: list[Finding]) -> list[Finding]:
     wrong = {f.path[:2] if len(f.path) > 1 and f.path[0] in REPEATED else f.path[:1] for f in found}
     entries: dict[str, list[tuple[int, Table]]] = {name: [] for name in SECTIONS}
     damaged = {str(path[0]) for path in wrong if path}
+    broken: list[tuple[str, int, dict[str, Any]]] = []
     for name in SECTIONS:
         tables = raw.get(name, [])
         if (name,) in wrong or not isinstance(tables, list):
             continue
         for i, table in enumerate(tables):
-            if (name, i) not in wrong:
+            if (name, i) in wrong:
+                broken += [(name, i, table)] if isinstance(table, dict) else []
+            else:
                 entries[name].append((i, REPEATED[name].model_validate(table)))
     run: RunBase | None = None
     if ("run",) not in wrong:
@@ -227,4 +230,6 @@ def _beyond(raw: Mapping[str, Any], found: list[Finding]) -> list[Finding]:
     )
     if raw.get("packing"):  # its balls are not among these tables
         damaged.add("sphere")
-    return list(check(Parts(run, entries, frozenset(damaged), lost, world)))
+    told = {f.path[:3] for f in found}
+    whole = Parts(run, entries, frozenset(damaged), lost, world, broken=broken)
+    return [f for f in check(whole) if f.path not in told]
