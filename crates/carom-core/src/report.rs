@@ -434,7 +434,7 @@ impl Outcome {
                 "method = \"moreau\" lets balls sink into walls: position_projection = true keeps them out; else look at what presses it"
             }
             (Failure::TooFar { .. }, _) => {
-                "take the step that the message names, or more max_halvings; if the speed is not meant, look at what made it"
+                "take that step, or more max_halvings; if the speed is not meant, look at what made it"
             }
             (Failure::TooManyPairs, _) => {
                 "the step is far too long for the speeds: spheres travel radii per step; take a smaller step"

@@ -468,7 +468,7 @@ impl Simulation {
             Failure::BlowUp(what) => {
                 out.bodies = pair(what.bodies);
                 out.message = Some(if what.speed.is_finite() {
-                    format!("at {:.3e} m/s", what.speed)
+                    format!("at {} m/s", told(what.speed))
                 } else {
                     "its motion is no number".to_owned()
                 });
@@ -476,7 +476,7 @@ impl Simulation {
             Failure::MissingLaw(a, b) | Failure::TooManyEvents(a, b) => out.bodies = vec![a, b],
             Failure::Friction { bodies, mu, slip } => {
                 out.bodies = pair(bodies);
-                out.message = Some(format!("mu = {mu} at a slip of {slip:.3e} m/s"));
+                out.message = Some(format!("mu = {mu} at a slip of {} m/s", told(slip)));
             }
             Failure::Restitution {
                 bodies,
@@ -484,7 +484,10 @@ impl Simulation {
                 approach,
             } => {
                 out.bodies = pair(bodies);
-                out.message = Some(format!("e_N = {e} at an approach of {approach:.3e} m/s"));
+                out.message = Some(format!(
+                    "e_N = {e} at an approach of {} m/s",
+                    told(approach)
+                ));
             }
             Failure::Load => {
                 let said = self.scratch.load_error.take().unwrap_or_default();
@@ -534,10 +537,20 @@ impl Simulation {
         let part = o.step / f64::from(1u32 << o.max_halvings);
         let speed = travel / part;
         format!(
-            "{how} at {speed:.3e} m/s: {:.3e} radii in {part:.3e} s, the smallest part of a step; take a step of \
-             {:.1e} s or less",
-            travel / length,
-            0.5 * length / speed,
+            "{how} at {} m/s: {} radii in {} s, the smallest part of a step; take a step of {} s or less",
+            told(speed),
+            told(travel / length),
+            told(part),
+            told(0.5 * length / speed),
         )
+    }
+}
+
+/// A number of four digits, as people write it.
+fn told(x: f64) -> String {
+    let rounded: f64 = format!("{x:.3e}").parse().unwrap_or(x);
+    match rounded == 0.0 || (1e-4..1e6).contains(&rounded.abs()) {
+        true => rounded.to_string(),
+        false => format!("{rounded:e}"),
     }
 }
