@@ -16,8 +16,12 @@ import numpy as np
 from carom.arrays import F64, Bool
 from carom.audit import wrenches
 from carom.audit.block import Block, once
+from carom.audit.data import Run
 from carom.audit.recorded import shifts, strokes
 from carom.audit.vectors import cross, norm
+
+#: Frames of which reactions are read at once.
+MANY = 10_000
 
 
 @dataclass
@@ -159,16 +163,33 @@ def reaction(block: Block, j: int, given: F64, body: int, arm: Any) -> tuple[F64
     """
     run, joint = block.run, block.run.joints[j]
     impulse, couple = given[:, :3], given[:, 3:]
-    size, node = norm(impulse), int(run.node[joint["a"]])
+    node = int(run.node[joint["a"]])
     # Reactions of the smooth motion and of impacts are solved to the tolerance; those that hardly act against all others of
     # their bodies.
-    own = size + norm(couple) / run.radius[node] + _struck(block)[:, node]
+    own = _reacted(run)[block.first : block.first + block.count, node] + _struck(block)[:, node]
     solved = 4.0 * block.tolerance * (own + run.heavy.max() * norm(run.gravity) * run.h)
     lever = wrenches.lever(block, body, arm, 1)
     reach = norm(lever)
     turned = 2.0 * reach * wrenches.turned_since(block, j, body, wrenches.reach(run, body, arm))
     slack = np.stack([solved, solved * (2.0 * reach + run.node_reach[run.node[body]]) + turned], axis=1)
     return np.hstack([impulse, cross(lever, impulse) + couple]), slack
+
+
+@once
+def _reacted(run: Run) -> F64:
+    """(F, N) the largest reactions up to each frame of all joints together that hold each body, N s. In trusses that can be
+    stressed without loads, or nearly so, those of the smooth motion and of impacts cancel in the record, and what is left
+    of a stress fades over many steps: how large it was is seen where it arose.
+    """
+    found, every = np.zeros((run.frames, run.bodies)), np.zeros((run.frames, len(run.joints)))
+    radii = np.array([run.radius[run.node[joint["a"]]] for joint in run.joints])
+    for k in range(0, run.frames, MANY):
+        given = np.nan_to_num(run.result.joint_impulse[k : k + MANY])
+        every[k : k + MANY] = norm(given[..., :3]) + norm(given[..., 3:]) / radii
+    for bodies, joints in wrenches.groups(run):
+        mine = [any(joint is one for one in joints) for joint in run.joints]
+        found[:, bodies] = np.maximum.accumulate(every[:, mine].sum(axis=1))[:, None]
+    return found
 
 
 @once

@@ -152,11 +152,17 @@ def _momentum(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool) ->
     run = block.run
     m = run.mass[:, None]
     weight = m * run.falls * block.dt[:, None, None]
-    given = loads.impulse[..., :3]
-    value = norm(m * (block.v1 - block.v0) - weight - given - s.impulse)
-    size = m[:, 0] * (norm(block.v0) + norm(block.v1)) + norm(weight) + norm(given) + s.size
-    size = size + largest(block)
-    tally.measure("momentum", value, rounding(block) * size + loads.slack[..., 0], block.per_body, known)
+    value = norm(m * (block.v1 - block.v0) - weight - loads.impulse[..., :3] - s.impulse)
+    bound = rounding(block) * _momenta(block, s, loads) + loads.slack[..., 0]
+    tally.measure("momentum", value, bound, block.per_body, known)
+
+
+def _momenta(block: Block, s: Sums, loads: Loads) -> F64:
+    """(B, N) N s, the sizes of all that a velocity is the sum of, and may cancel in it, times mass."""
+    m = block.run.mass
+    weight = m * norm(block.run.falls) * block.dt[:, None]
+    ends = m * (norm(block.v0) + norm(block.v1))
+    return np.asarray(ends + weight + norm(loads.impulse[..., :3]) + s.size + largest(block))
 
 
 def _recorded_on_walls(block: Block) -> F64 | None:
@@ -219,10 +225,9 @@ def _position(block: Block, tally: Tally, s: Sums, loads: Loads, touched: Bool) 
     whole = dt * (theta * block.v1 + (1.0 - theta) * block.v0) + smooth if moreau else flight
     single = block.single
     way = np.where(single[:, None, None], whole, flight) + s.shift / run.mass[:, None]
-    size = norm(block.x0) + norm(block.x1) + norm(dt * block.v0) + norm(dt * block.v1)
+    size = norm(block.x0) + norm(block.x1) + block.dt[:, None] * _momenta(block, s, loads) / run.mass
     size = size + np.where(s.count > 0, run.radius, 0.0)  # gaps are differences of lengths
     size = size + s.shift_size / run.mass
-    size[:, run.balls :] += norm(smooth[:, run.balls :])  # what starts from rest has no other
     given = norm(loads.impulse[..., :3] - run.mass[:, None] * carried.of_block(block).velocity)
     given = (given + loads.spread[..., 0]) / run.mass * block.dt[:, None]
     known = single[:, None] | ((np.arange(run.bodies) >= run.balls) & ~block.cut[:, None])
