@@ -131,6 +131,63 @@ def test_what_a_joint_holds_is_not_placed_off_it() -> None:
     sim.restore(later)
 
 
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+def test_what_a_joint_holds_is_not_struck_off_it(method: str) -> None:
+    """A state as it was left is always taken, however far it has turned in its steps."""
+    scene = carom.Scene("swing")
+    scene.contact("g", "g", friction=0.3, restitution=0.0)
+    for name, x in (("a", 0.1), ("b", 0.2), ("c", 0.5)):
+        scene.sphere(name, radius=0.01, mass=0.1, at=(x, 0, 0), material="g")
+    scene.joint("rod", between=["a", "ground"], points=[(0.1, 0, 0), (0, 0, 0)])
+    scene.joint("rod", between=["a", "b"])
+    scene.joint("fix", body="c")
+    scene.joint("motion", body="c", axis=(0, 0, 1), angle={"expression": "10*t^2"})
+    sim = carom.Simulation(scene, step=1e-3, method=method)
+    state = sim.state()
+    state["velocity"][1] = (0, 0, 2.0)  # across the rods
+    sim.restore(state)
+    for _ in range(20):
+        sim.step(5)
+        sim.restore(sim.state())
+    later = sim.state()
+    along = later["position"][0] / 0.1
+    for key, row, by, told in (
+        ("velocity", 0, along, r'"joint1" of "a": the speed at which its ends part is 1 m/s, it holds 0'),
+        (
+            "velocity",
+            2,
+            (0, 1, 0),
+            r'"joint3" of "c": the speed of its points is 1 m/s, it holds 0 m/s; strike',
+        ),
+        ("angular_velocity", 2, (0, 0, 1), r"angular speed about its axis is 3 rad/s, it holds 2 rad/s; str"),
+    ):
+        state = {**later, key: later[key].copy()}
+        state[key][row] += by
+        with pytest.raises(carom.CaromError, match=told):
+            sim.restore(state)
+    assert sim.steps == 100
+
+
+def test_a_clump_on_a_joint_is_struck_about_it() -> None:
+    scene = carom.Scene("bar")
+    scene.contact("g", "g", friction=0.3, restitution=0.0)
+    parts = [[0, 0, 0, 0.02], [0.05, 0, 0, 0.02], [0, 0.06, 0, 0.01]]
+    scene.clump("k", spheres=parts, material="g", density=1000, at=(0, 0, 0))
+    scene.joint("fix", body="k2")
+    sim = carom.Simulation(scene, step=1e-3)
+    pin, spin = sim.position[1], np.array([1.0, 2.0, 3.0])
+    for _ in range(3):
+        state = sim.state()
+        state["angular_velocity"][3] = spin
+        if sim.steps:
+            with pytest.raises(carom.CaromError, match='"joint1" of "k2": the speed of its points'):
+                sim.restore(state)
+        state["velocity"][3] = np.cross(spin, state["position"][3] - pin)
+        sim.restore(state)
+        sim.step(50)
+        sim.restore(sim.state())
+
+
 def test_what_is_no_number_of_steps_and_no_choice_is_refused() -> None:
     sim = resting()
     for step in (2.9, -1, 2**62, [1, 2]):

@@ -1,7 +1,8 @@
-"""Where the bodies of a state have been placed: balls follow their clumps, and joints must hold where their ends are.
+"""Where the bodies of a state have been placed: balls follow their clumps, and joints must hold where their ends are, and
+as fast as these are.
 
 A state may be changed before it is restored. The core takes it as it is, and a step would move what does not fit
-together by a jump without physical meaning.
+together by a jump without physical meaning, or by an impulse.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from carom.scene.assembly.arrays import bodies as all_balls
 from carom.scene.assembly.bodies import Bodies
 from carom.scene.assembly.mechanics import GROUND_INDEX, Row, arm, joint_rows, numbers
 from carom.scene.assembly.rotations import inverse, product, rotated, rotated_back
-from carom.scene.checks.joint_start import REFUSED
+from carom.scene.checks.joint_start import REFUSED, UNNOTICED
 from carom.scene.tables.joints import default_name
-from carom.scene.tables.laws import value_at
+from carom.scene.tables.laws import slope_at, value_at
 
 if TYPE_CHECKING:
     from carom.scene.scene import Scene
@@ -39,26 +40,25 @@ class Placement:
         self._names = scene.names
         count = len(self._names)
         self._clumps = []
+        self._carrier = list(range(count))  # what moves a ball: itself, or its clump
         for k, clump in enumerate(model.get("clumps", ())):
             balls = slice(*clump["balls"])
             axes = np.array(clump["orientation"])
             offsets = rotated_back(axes, model["position"][balls] - np.array(clump["position"]))
             turns = product(inverse(axes), model["orientation"][balls])
             self._clumps.append((count + k, balls, offsets, turns))
+            self._carrier[balls] = [count + k] * len(offsets)
         tree = scene._tree
         # Moreau-Jean holds joints by their velocities alone: places drift, and no step takes them back.
-        held = tree.joint if scene.run.method != "moreau" else []
+        self._drifts = scene.run.method == "moreau"
         self._joints: list[tuple[str, int, int, Row, F64, F64]] = []
-        if held:
+        if tree.joint:
             start = all_balls(tree)
             number = numbers(start)
-            for k, joint in enumerate(held):
+            for k, joint in enumerate(tree.joint):
                 a, b, rows = joint_rows(joint, start, number)
-                self._joints += [
-                    (joint.name or default_name(k), a, b, row, *_arms(row, (a, b), start))
-                    for row in rows
-                    if row.kind != "rotation"
-                ]
+                name = joint.name or default_name(k)
+                self._joints += [(name, a, b, row, *_arms(row, (a, b), start)) for row in rows]
 
     def __bool__(self) -> bool:
         return bool(self._clumps or self._joints)
@@ -101,26 +101,73 @@ class Placement:
         return bool(np.abs(apart - wanted).max() <= APART * self._radius[balls].min())
 
     def refuse_off_joints(self, state: State, here: State, step: float) -> None:
-        """Raise where a joint does not hold at the places and the time of a state."""
-        places = _places(state, here)
+        """Raise where a joint does not hold at the places, the velocities and the time of a state."""
+        places, motion = _places(state, here), _motion(state, here)
         if not self._joints or places is None:
             return
         x, q, _ = places
         time = float(np.ravel(state["step"])[0]) * step
         for name, a, b, row, arm_a, arm_b in self._joints:
-            span = x[a] + rotated(q[a], arm_a)
-            span = span - (arm_b if b == GROUND_INDEX else x[b] + rotated(q[b], arm_b))
+            ends = x[a] + rotated(q[a], arm_a), arm_b if b == GROUND_INDEX else x[b] + rotated(q[b], arm_b)
             law = value_at(row.law, time)
-            is_rod = row.kind == "distance"
+            is_rod, span = row.kind == "distance", ends[0] - ends[1]
             found = float(np.linalg.norm(span) if is_rod else span @ np.array(row.direction))
             most = REFUSED * (max(abs(law), math.ulp(0.0)) if is_rod else self._radius[a])
-            if abs(found - law) > most:
-                ends = " and ".join(quoted(self._names[k]) for k in (a, b) if k != GROUND_INDEX)
+            told = None
+            if abs(found - law) > most and row.kind != "rotation" and not self._drifts:
                 what = "distance of its ends" if is_rod else "displacement of its points"
+                told = f"the {what} is {found:.6g} m, it holds {law:.6g} m; place"
+            elif motion is not None:
+                told = self._off_rate((a, b), row, ends, (x, *motion), (time, step))
+            if told:
+                both = " and ".join(quoted(self._names[k]) for k in (a, b) if k != GROUND_INDEX)
                 raise CaromError(
-                    f"restore: joint {quoted(name)} of {ends}: the {what} is {found:.6g} m, it holds {law:.6g} m;"
-                    " place all that it joins together"
+                    f"restore: joint {quoted(name)} of {both}: {told} all that it joins together"
                 )
+
+    def _off_rate(
+        self,
+        bodies: tuple[int, int],
+        row: Row,
+        ends: tuple[F64, F64],
+        at: tuple[F64, F64, F64],
+        now: tuple[float, float],
+    ) -> str | None:
+        """What is wrong with the velocities of the bodies of a joint, as at the start of a scene; `at` are places,
+        velocities and angular velocities of all, `now` time and step. Its directions turn in a step, and its rate has two
+        values where its law has a kink.
+        """
+        time, step = now
+        points, turns, sizes = [], [], []
+        for body, point in zip(bodies, ends, strict=True):
+            place, v, w = (np.zeros(3) if body == GROUND_INDEX else of[self._carrier[body]] for of in at)
+            points.append(v + np.cross(w, point - place))
+            turns.append(w)
+            sizes.append(
+                (np.linalg.norm(w), np.linalg.norm(v) + np.linalg.norm(w) * np.linalg.norm(point - place))
+            )
+        (spin, fast), along = np.sum(sizes, axis=0), np.array(row.direction)
+        apart, what, unit, size = points[0] - points[1], "speed of its points", "m/s", self._radius[bodies[0]]
+        turning = spin
+        if row.kind == "rotation":
+            apart, what, unit, size, fast = (
+                turns[0] - turns[1],
+                "angular speed about its axis",
+                "rad/s",
+                1.0,
+                spin,
+            )
+        elif row.kind == "distance":
+            length = np.linalg.norm(ends[0] - ends[1])
+            along, what = (ends[0] - ends[1]) / length, "speed at which its ends part"
+            turning = spin + np.linalg.norm(apart) / length
+        rate, held = float(apart @ along), []
+        for h in (-0.01 * step, 0.01 * step):
+            slope, doubt = slope_at(row.law, time, h)
+            slope = slope if abs(slope) > doubt else 0.0
+            allowed = (REFUSED + step * turning) * (fast + abs(slope)) + 10.0 * doubt
+            held.append(abs(rate - slope) <= max(allowed, UNNOTICED * size / step))
+        return None if any(held) else f"the {what} is {rate:.6g} {unit}, it holds {slope:.6g} {unit}; strike"
 
 
 def _arms(row: Row, ends: tuple[int, int], start: Bodies) -> tuple[F64, F64]:
@@ -146,3 +193,13 @@ def _places(state: State, here: State) -> tuple[F64, F64, F64] | None:
     ):
         return None
     return (x, q, present) if np.isfinite(x).all() and np.isfinite(q).all() else None
+
+
+def _motion(state: State, here: State) -> tuple[F64, F64] | None:
+    """Velocities and angular velocities of a state; None of what is no state of these bodies."""
+    try:
+        v, w = (np.array(state[key], dtype=np.float64) for key in ("velocity", "angular_velocity"))
+    except (KeyError, TypeError, ValueError):
+        return None
+    fit = v.shape == here["velocity"].shape and w.shape == here["angular_velocity"].shape
+    return (v, w) if fit and np.isfinite(v).all() and np.isfinite(w).all() else None

@@ -20,7 +20,7 @@ from carom.scene.assembly.mechanics import GROUND_INDEX, Row, Rows, joint_rows, 
 from carom.scene.checks.carriers import Carrier, Carriers
 from carom.scene.messages import Finding
 from carom.scene.tables.joints import Joint, default_name
-from carom.scene.tables.laws import slope_at_start, value_at
+from carom.scene.tables.laws import slope_at, value_at
 from carom.scene.tables.loads import Spring
 
 if TYPE_CHECKING:
@@ -288,7 +288,7 @@ def _system(
     k = 0
     for _, of in joints:
         for row in of.rows:
-            rate[k], doubt[k] = slope_at_start(row.law, h) if h > 0 else (0.0, math.inf)
+            rate[k], doubt[k] = slope_at(row.law, 0.0, h) if h > 0 else (0.0, math.inf)
             scale[k] = abs(rate[k])
             for ball, point, sign in ((of.a, row.point_a, 1.0), (of.b, row.point_b, -1.0)):
                 if ball == GROUND_INDEX:

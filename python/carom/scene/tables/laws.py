@@ -237,8 +237,8 @@ def fault_at(law: LawValue, x: float) -> str:
     return ""
 
 
-def slope_at_start(law: LawValue, h: float) -> tuple[float, float]:
-    """Derivative from the right at 0 and how much it may be wrong.
+def slope_at(law: LawValue, x: float, h: float) -> tuple[float, float]:
+    """Derivative at `x`, from the right or, with a negative `h`, from the left, and how much it may be wrong.
 
     That of an expression is a difference of fourth order over steps of `h`; it is compared with one over `h`/2.
     """
@@ -246,16 +246,17 @@ def slope_at_start(law: LawValue, h: float) -> tuple[float, float]:
         return 0.0, 0.0
     ((form, data),) = law.items()
     if form == "polynomial":
-        return (data[1] if len(data) > 1 else 0.0), 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyder(data))), 0.0
     if form == "table":
         for (x0, y0), (x1, y1) in itertools.pairwise(data):
-            if x0 <= 0.0 < x1:
+            if x0 <= x < x1 if h > 0.0 else x0 < x <= x1:
                 return (y1 - y0) / (x1 - x0), 0.0
         return 0.0, 0.0
-    values = {k: value_at(law, 0.5 * k * h) for k in (0, 1, 2, 3, 4, 6, 8)}
+    values = {k: value_at(law, x + 0.5 * k * h) for k in (0, 1, 2, 3, 4, 6, 8)}
     coarse = sum(w * values[2 * k] for k, w in enumerate(FORWARD)) / h
     fine = sum(w * values[k] for k, w in enumerate(FORWARD)) / (0.5 * h)
-    rounding = 64.0 * np.finfo(float).eps * max(map(abs, values.values())) / h
+    rounding = 64.0 * np.finfo(float).eps * max(map(abs, values.values())) / abs(h)
     return fine, abs(fine - coarse) + rounding
 
 
