@@ -85,7 +85,8 @@ MISTAKES: dict[str, tuple[str, ...]] = {
     ),
     "a point that a rotation does not have": (
         'type = "motion"\nbody = "ball"\npoint = [0, 0, 1]\naxis = [0, 0, 1]\nangle = 0',
-        ':40: joint "ball" point: a joint of type "motion" has no key point',
+        ':40: joint "ball" point: a joint of type "motion" with axis and angle has no key point; remove it; motion with'
+        " axis and angle takes body, axis, angle",
     ),
     "lock of nothing": ('type = "lock"', "neither body nor between is given"),
     "plane": (

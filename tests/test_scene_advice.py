@@ -205,3 +205,25 @@ def test_a_law_of_a_joint_that_jumps(law: str, told: str | None) -> None:
     scene.joint("motion", body="racket", direction=(1, 0, 0), displacement={"expression": law})
     found = [advice.cause for advice in scene.validate()]
     assert any(told in cause for cause in found) if told else found == []
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (
+            {"direction": (1, 0, 0), "displacement": "10*t^2"},
+            "moves its body by 0.8 radii of the smallest ball",
+        ),
+        ({"direction": (1, 0, 0), "displacement": "5*t^2"}, None),
+        ({"axis": (0, 0, 1), "angle": "1e6*t^2"}, "turns its body by 8e+02 rad"),
+    ],
+)
+def test_a_law_of_a_joint_that_is_fast(given: dict[str, Any], told: str | None) -> None:
+    """10 t^2 at t = 0.4 s is 8 m/s, 8 mm in a step of 1 ms; the smallest ball has a radius of 10 mm."""
+    scene = drop(0.1, until=0.4)
+    scene.run.step = 1e-3
+    scene.sphere("racket", radius=0.05, mass=1, at=(1, 0, 1), material="m")
+    laws = {key: {"expression": of} if isinstance(of, str) else of for key, of in given.items()}
+    scene.joint("motion", body="racket", **laws)
+    found = [advice.cause for advice in scene.validate() if "joint" in str(advice)]
+    assert (told in found[0] and len(found) == 1) if told else found == []

@@ -113,8 +113,9 @@ class RunData(Frames[Column]):
 
     @property
     def joint_impulse(self) -> Column:
-        """Impulse at each joint and moment on its first body since the last frame, (T, J, 6), N s and N m s, in the world
-        frame; over the time between frames it is the mean reaction. Without joints the shape is (T, 0, 6).
+        """Impulse at each joint on its first body since the last frame, and couple there, (T, J, 6), N s and N m s, in the
+        world frame; over the time between frames it is the mean reaction. The moment `r x J` of the impulse about the
+        centre is not in it. Without joints the shape is (T, 0, 6).
         """
         if "joint_impulse" not in self._segments.columns("frames"):
             frames = len(self.time)

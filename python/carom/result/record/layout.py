@@ -116,7 +116,8 @@ MEANINGS: dict[str, Meaning] = {
     "frames/angular_velocity": Meaning("rad/s", "(frame, body, xyz) angular velocities in the world frame"),
     "frames/joint_impulse": Meaning(
         "N s, N m s",
-        "(frame, joint, 6) impulse at the joint and moment on its first body since the last frame, world frame",
+        "(frame, joint, 6) impulse at the joint on its first body since the last frame, and couple there, world frame. The"
+        " moment of the impulse about the centre is not in it",
     ),
     "frames/free_walls": Meaning(
         "m, m/s",

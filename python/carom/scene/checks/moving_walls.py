@@ -1,4 +1,6 @@
-"""Advice on walls: how they move, and what balls cannot pass; and on laws of joints that jump, as those of walls do."""
+"""Advice on walls: how they move, and what balls cannot pass; and on laws of joints that jump or are fast, as those of
+walls do and are.
+"""
 
 from __future__ import annotations
 
@@ -177,16 +179,28 @@ def _advise_jumps(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findin
 
 
 def advise_joint_laws(parts: Whole) -> Iterator[Finding]:
-    """Laws of joints that jump: they carry bodies through others, which no contact sees."""
-    least = JUMP * float(parts.bodies().radius.min())
+    """Laws of joints that jump: they carry bodies through others, which no contact sees. And those that are fast."""
+    radius, step = float(parts.bodies().radius.min()), parts.run.step
     for i, joint in parts.tables(Joint):
-        for key, unit in (("length", "m"), ("displacement", "m"), ("angle", "rad")):
+        for key, unit, size, moved in (
+            ("length", "m", radius, "moves its ends apart by {:.2g} radii of the smallest ball"),
+            ("displacement", "m", radius, "moves its body by {:.2g} radii of the smallest ball"),
+            ("angle", "rad", 1.0, "turns its body by {:.2g} rad"),
+        ):
             law = getattr(joint, key)
-            found = first_jump(law, parts.until, parts.run.step, JUMP if unit == "rad" else least)
+            found = first_jump(law, parts.until, step, JUMP * size)
             if found is not None:
                 cause = f"the law jumps by {found[1]:.4g} {unit} at t = {found[0]:.4g} s"
                 cure = "its bodies would pass through others, without a speed: write a ramp over some steps"
                 yield Finding(("joint", i, key), cause, cure)
+            elif law is not None:
+                way = max(abs(value_at(law, t + step) - value_at(law, t)) for t in parts.times()) / size
+                if way > WALL_TRAVEL:  # and it is a number
+                    cause = f"a step of {step:g} s {moved.format(way)}"
+                    cure = (
+                        f"what happens on that way is not seen: step = {step * WALL_TRAVEL / way:.1g} is safe"
+                    )
+                    yield Finding(("joint", i, key), cause, cure)
 
 
 def first_jump(law: LawValue, until: float, step: float, least: float) -> tuple[float, float] | None:

@@ -27,11 +27,6 @@ class Keys:
     may: tuple[str, ...] = ()
     either: tuple[tuple[str, ...], ...] = ()
 
-    def words(self) -> str:
-        """All of them, for a message."""
-        choice = [" or ".join(" and ".join(group) for group in self.either)] if self.either else []
-        return ", ".join([*self.needs, *choice, *self.may])
-
 
 TYPES: dict[str, Keys] = {
     "fix": Keys(("body",), ("point",)),  # a point of the body stays where it is
@@ -147,8 +142,9 @@ def misfit(kind: str, given: set[str]) -> PydanticCustomError | None:
     may = tuple(key for key in keys.may if not (kind == "motion" and "axis" in needs))
     for key in KEYS:
         if key in given and key not in (*needs, *may):
-            what = f"a joint of type {quoted(kind)} has no key {key}"
-            return refuse(what, f"remove it; {kind} takes {keys.words()}", (key,))
+            chosen = f" with {' and '.join(groups[0])}" if groups else ""
+            what = f"a joint of type {quoted(kind)}{chosen} has no key {key}"
+            return refuse(what, f"remove it; {kind}{chosen} takes {', '.join((*needs, *may))}", (key,))
     for key in needs:
         if key not in given:
             example = literal((Joint.model_fields[key].examples or ["..."])[0])
