@@ -462,6 +462,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ),
         ("displacement", MOTION + 'displacement = { expression = "0.001*floor(t/0.3)" }\n'),
     ],
+    "the law changes by ... ... in a step of ... s": [
+        ("displacement", MOTION + 'displacement = { expression = "10*t^2" }\n'),
+    ],
     "method ... does not read it": [("run.theta", "step = 1e-3 -> step = 1e-3\ntheta = 0.7")],
     "a step of ... s moves ... by ... radii of the smallest ball": [
         (

@@ -258,3 +258,21 @@ def test_a_table_without_a_title_is_headed_by_the_name_of_the_file(tmp_path: Pat
     code, out, _ = command(str(tmp_path / "row.toml"), "--laws", "all")
     assert code == 0
     assert out.startswith("row.toml: h = 0.0001 s to t = 0.02 s")
+
+
+def test_all_methods_that_cannot_take_a_scene_are_named_at_once() -> None:
+    path = SCENARIOS / "paper" / "5.1_torque.toml"
+    told = "penalty: option method penalty knows no joints; events: option method events does not know .*; compare nsga, "
+    with pytest.raises(carom.CaromError, match=told):
+        carom.compare(path, ("nsga", "penalty", "events"), until=0.01)
+    with pytest.raises(carom.CaromError, match=r"^option method penalty knows no joints; choose nsga"):
+        carom.compare(path, ("nsga", "penalty"), until=0.01)
+
+
+def test_methods_that_know_no_clumps_are_left_out() -> None:
+    scene = carom.Scene("clump", run={"until": 0.01, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.5)
+    scene.clump("c", spheres=[[0, 0, 0, 0.02], [0.03, 0, 0, 0.02]], density=1000, material="m", at=(0, 0, 1))
+    found = carom.compare(scene)
+    assert [run.name for run in found] == ["nsga"]
+    assert "moreau is left out: compare: method: clumps need method nsga, found moreau" in found.remarks

@@ -25,6 +25,7 @@ from carom.files import inside
 from carom.many.impulses import growing, half
 from carom.many.quantity import USUAL
 from carom.many.sheets import of_comparison, titled
+from carom.run.loop import begin
 from carom.run.result import Result
 from carom.run.simulate import OnProgress, RunFailed, scene_of
 from carom.run.summary import plain
@@ -183,17 +184,36 @@ def default_methods() -> list[str]:
     ]
 
 
-def _able(scene: Scene) -> tuple[list[str], tuple[str, ...]]:
-    """The default methods that can take the scene, and what is to be said of the others: contact forces know no joints."""
-    names = default_methods()
-    told = f"events is left out: it takes fewer scenes and is named, as {scene.run.method},events"
-    if scene.run.method == "events":
-        told = "events is left out: it takes fewer scenes and is named, as events,nsga"
-    if "penalty" not in names or not scene.to_model().get("joints"):
-        return names, (told,)
-    names.remove("penalty")
-    no_joints = "penalty is left out: the scene has joints, and the method of contact forces knows none"
-    return names, (no_joints, told)
+def _refused(scene: Scene, chosen: Mapping[str, Mapping[str, Any]]) -> dict[str, CaromError]:
+    """Of the methods that cannot take the scene, what they say: contact forces know no joints, for one."""
+    found: dict[str, CaromError] = {}
+    for name, extra in chosen.items():
+        try:
+            varied = scene.overridden(extra, dict.fromkeys(extra, "compare"))
+            varied.validate()
+            begin(varied.to_model())
+        except CaromError as error:
+            found[name] = error
+    return found
+
+
+def _able(
+    scene: Scene, chosen: dict[str, dict[str, Any]], named: bool
+) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
+    """The methods that can take the scene, and what is to be said of others. Those that were `named` must all take it."""
+    refused = _refused(scene, chosen)
+    able = {name: extra for name, extra in chosen.items() if name not in refused}
+    if refused and (not able or (named and len(refused) == 1)):
+        raise next(iter(refused.values()))
+    causes = {name: str(error).partition("; ")[0] for name, error in refused.items()}
+    if refused and named:
+        told = "; ".join(f"{name}: {cause}" for name, cause in causes.items())
+        raise CaromError(f"{told}; compare {', '.join(able)}, which can take the scene")
+    if named:
+        return able, ()
+    pair = "events,nsga" if scene.run.method == "events" else f"{scene.run.method},events"
+    told = f"events is left out: it takes fewer scenes and is named, as {pair}"
+    return able, (*(f"{name} is left out: {cause}" for name, cause in causes.items()), told)
 
 
 def method_options(name: str) -> dict[str, Any]:
@@ -250,9 +270,8 @@ def compare(
             if law not in LAWS:
                 raise CaromError(f"no impact law is called {law!r}; {did_you_mean(law, list(LAWS))}")
         methods = [f"{scene.run.method}+{law}" for law in found]
-    names, remarks = (
-        _able(scene) if methods is None else ([methods] if isinstance(methods, str) else list(methods), ())
-    )
+    given = default_methods() if methods is None else methods
+    names = [given] if isinstance(given, str) else list(given)
     if not names:
         raise CaromError("name at least one method to compare")
     if len(dict.fromkeys(names)) < len(names):
@@ -270,6 +289,7 @@ def compare(
     every = _spacing(math.gcd(*wanted), plan.steps)
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=3)
+    chosen, remarks = _able(scene, chosen, methods is not None)
     floors = _floors(scene)
     sizes: Mapping[str, float] = {}
     runs: list[MethodRun] = []

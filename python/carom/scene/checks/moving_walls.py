@@ -182,10 +182,10 @@ def advise_joint_laws(parts: Whole) -> Iterator[Finding]:
     """Laws of joints that jump: they carry bodies through others, which no contact sees. And those that are fast."""
     radius, step = float(parts.bodies().radius.min()), parts.run.step
     for i, joint in parts.tables(Joint):
-        for key, unit, size, moved in (
-            ("length", "m", radius, "moves its ends apart by {:.2g} radii of the smallest ball"),
-            ("displacement", "m", radius, "moves its body by {:.2g} radii of the smallest ball"),
-            ("angle", "rad", 1.0, "turns its body by {:.2g} rad"),
+        for key, unit, size, measure in (
+            ("length", "m", radius, "radii of the smallest ball"),
+            ("displacement", "m", radius, "radii of the smallest ball"),
+            ("angle", "rad", 1.0, "rad"),
         ):
             law = getattr(joint, key)
             found = first_jump(law, parts.until, step, JUMP * size)
@@ -196,7 +196,7 @@ def advise_joint_laws(parts: Whole) -> Iterator[Finding]:
             elif law is not None:
                 way = max(abs(value_at(law, t + step) - value_at(law, t)) for t in parts.times()) / size
                 if way > WALL_TRAVEL:  # and it is a number
-                    cause = f"a step of {step:g} s {moved.format(way)}"
+                    cause = f"the law changes by {way:.2g} {measure} in a step of {step:g} s"
                     cure = (
                         f"what happens on that way is not seen: step = {step * WALL_TRAVEL / way:.1g} is safe"
                     )
