@@ -107,6 +107,7 @@ def many_joints(folder: Path, patch: pytest.MonkeyPatch) -> Any:
 
 #: "cause; cure" -> (place that the message names, call).
 PROBLEMS: dict[str, tuple[str, Call]] = {
+    "found ...; name an HDF5 file": ("path: found None", lambda f, p: read_fclib(None)),  # type: ignore[arg-type]
     "...; name an HDF5 file": ("nowhere.hdf5: no such file", lambda f, p: read_fclib(f / "nowhere.hdf5")),
     "cannot be read (...); is it an HDF5 file, and whole?": ("p.hdf5", text_file),
     "no contact problem (there is ...); one of ...": ("p.hdf5: /", file_with("fclib_local", None)),
@@ -141,6 +142,11 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
         of_run("000001_position", "000002_position", level="position"),
     ),
     "no contact problem with ...; there are those of ...": ("", of_run("000001_position", step=2)),
+    "no contact problem with ...; of this step there are: ...": (
+        "",
+        of_run("000001_position", step=1, index=2),
+    ),
+    "...; there are ...": ("level: 'foo'", of_run("000001_position", level="foo")),
     "singular in row... ... (from 0); a body without mass or inertia cannot be eliminated": (
         "M: singular in row 2",
         whole(M=np.diag([1.0, 1.0, 0.0, 1.0])),
@@ -166,7 +172,7 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
     "... rows for each contact, where ... were announced; mend either": ("q", local(dimension=2)),
     "... rows for ... contacts, ... each; contacts have ... rows": ("q", local(q=np.ones(8), W=np.eye(8))),
     "... rows for each contact, given ...; such contacts have ...": ("q", local(mu_r=[0.1, 0.1])),
-    "... on its diagonal, row ... (from 0); it must be positive semidefinite; is a sign of M or H wrong?": (
+    "... on its diagonal, row ... (from 0); it must be positive semidefinite; is a sign in it, or in what made it, wrong?": (
         "W: -1",
         local(W=np.diag([1.0, 1, -1, 1, 1, 1])),
     ),
@@ -206,7 +212,7 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
         "r0",
         solved(r0=np.full(6, np.nan)),
     ),
-    "...; it must be a number above 0": ("tol: -1", solved(tol=-1)),
+    "...; it must be a ...number above 0": ("tol: -1", solved(tol=-1)),
     "...; it must be a whole number above 0": ("max_iterations: 0.5", solved(max_iterations=0.5)),
     "this run has no stored problems; carom run ... --save-problems STEPS stores them": (
         "",

@@ -109,8 +109,10 @@ def test_a_large_block_of_a_mass_matrix_is_looked_at_when_it_is_inverted(monkeyp
 
 
 def test_an_indefinite_mass_matrix_is_told() -> None:
-    m = np.diag([1.0, 1.0, -0.1])
-    problem = GlobalProblem(M=m, H=np.ones((3, 3)) + np.eye(3), f=np.zeros(3), w=np.zeros(3), mu=[0.3])
+    rest = {"H": np.eye(3), "f": np.zeros(3), "w": np.zeros(3), "mu": [0.3]}
+    with pytest.raises(ContactProblemError, match=r"M: -0\.1 on its diagonal, row 2 .*is a sign in it"):
+        GlobalProblem(M=np.diag([1.0, 1.0, -0.1]), **rest)
+    problem = GlobalProblem(M=[[1, 2, 0], [2, 1, 0], [0, 0, 1]], **rest)
     with (
         pytest.warns(ContactProblemWarning, match="M is not positive definite"),
         pytest.raises(ContactProblemError, match="positive semidefinite"),

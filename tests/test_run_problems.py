@@ -257,6 +257,11 @@ def test_a_problem_of_a_run_is_found_again(stored: Path) -> None:
         ContactProblemError, match="no contact problem with step=3; there are those of steps 64, 110"
     ):
         ContactProblem.from_run(stored, step=3)
+    told = "no contact problem with step=64, island=99; of this step there are: step=64, level='position', island=0; "
+    with pytest.raises(ContactProblemError, match=told):
+        ContactProblem.from_run(stored, step=64, island=99)
+    with pytest.raises(ContactProblemError, match="level: 'foo'; there are 'position' and 'velocity'"):
+        ContactProblem.from_run(stored, step=64, level="foo")
 
 
 def contents(run: Path) -> set[tuple[int, bytes, bytes]]:
@@ -311,6 +316,12 @@ def test_steps_beyond_the_run_are_told_of(tmp_path: Path) -> None:
         CaromWarning, match=f"save_problems: the run ended at step {steps}, before 5000, 7000; choose"
     ):
         carom.simulate(scene_, save_problems=[steps, 5000, 7000])
+    for given, end in ((f"{steps - 1}:1000", 1000), (f"{steps - 1}:{steps + 4}:2", steps + 3)):
+        with pytest.warns(CaromWarning, match=f"the run ended at step {steps}, before {end}; choose"):
+            carom.simulate(scene_, save_problems=given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        carom.simulate(scene_, save_problems=f"{steps - 2}:{steps + 1}:2")  # the last one of it is the end
     alone = carom.Scene(run={"until": 0.01, "step": 1e-3})
     alone.sphere("a", radius=0.1, mass=1.0, material="m", position=(0, 0, 1))
     with pytest.warns(CaromWarning, match="save_problems: none of the steps that were chosen had contacts"):

@@ -122,7 +122,7 @@ def test_velocities_of_bodies() -> None:
     [
         ({"solver": "newtn"}, "solver: none is called 'newtn'; known: auto, sweeps"),
         ({"solver": "sweep"}, "did you mean sweeps"),
-        ({"tol": 0.0}, "tol: 0.0; it must be a number above 0"),
+        ({"tol": 0.0}, "tol: 0.0; it must be a finite number above 0"),
         ({"tol": math.nan}, "tol: nan"),
         ({"tol": math.inf}, "tol: inf"),
         ({"tol": "small"}, "tol: 'small'"),

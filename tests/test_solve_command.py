@@ -223,7 +223,7 @@ def test_directories_of_runs_are_known(folder: Path, tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--solver", "sweep"], "--solver: none is called 'sweep'; did you mean sweeps?"),
-        (["--tol", "0"], "tol: 0.0; it must be a number above 0"),
+        (["--tol", "0"], "tol: 0.0; it must be a finite number above 0"),
         (["--tol", "nan"], "tol: nan"),
         (["--time-limit", "0"], "time_limit: 0.0"),
         (["--threads", "0"], "--threads"),

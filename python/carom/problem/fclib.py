@@ -18,6 +18,7 @@ out of the file are refused, and so are arrays larger than the bytes behind them
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -66,6 +67,8 @@ def read_fclib(path: Path | str) -> LocalProblem | GlobalProblem:
 
     Every file that cannot be used is a `ContactProblemError` that names the file and the place in it.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise refuse("path", f"found {path!r}", "name an HDF5 file")
     path = Path(path)
     if not path.is_file():
         raise refuse(str(path), _what(path), "name an HDF5 file")

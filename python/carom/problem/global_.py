@@ -18,7 +18,7 @@ import numpy as np
 
 from carom.arrays import F64, I64
 from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
-from carom.problem.local import Bounds, LocalProblem, finite, square, vector
+from carom.problem.local import Bounds, LocalProblem, finite, positive, square, vector
 from carom.problem.matrix import Csr, blocks, components, of_blocks
 
 #: Rows of a block of M up to which it is seen when a problem is made whether it is singular (0.1 s). Larger: problems that
@@ -42,6 +42,7 @@ class GlobalProblem(Bounds):
         self._set("w", vector(self.w, "w"))
         self._check_bounds(len(self.w), "w")
         self._set("M", square(self.M, "M", len(self.f)))
+        positive(self.M, "M")
         h, wanted = Csr.from_any(self.H, "H"), (len(self.f), len(self.w))
         if h.shape != wanted:
             hint = " (is it the transpose?)" if h.shape == wanted[::-1] else ""

@@ -124,11 +124,18 @@ class LocalProblem(Bounds):
         self._set("q", vector(self.q, "q"))
         self._check_bounds(len(self.q), "q")
         self._set("W", square(self.W, "W", len(self.q), self.max_asymmetry))
-        diagonal = self.W.diagonal()
-        if len(diagonal) and diagonal.min() < -ASYMMETRY_TOLD * float(np.abs(self.W.data).max(initial=0.0)):
-            k = int(np.argmin(diagonal))
-            cause = f"{diagonal[k]:g} on its diagonal, row {k} (from 0)"
-            raise refuse("W", cause, "it must be positive semidefinite; is a sign of M or H wrong?")
+        positive(self.W, "W")
+
+
+def positive(matrix: Csr, name: str) -> None:
+    """Refuse a negative diagonal, but for rounding."""
+    diagonal = matrix.diagonal()
+    if len(diagonal) and diagonal.min() < -ASYMMETRY_TOLD * float(np.abs(matrix.data).max(initial=0.0)):
+        k = int(np.argmin(diagonal))
+        cause = f"{diagonal[k]:g} on its diagonal, row {k} (from 0)"
+        raise refuse(
+            name, cause, "it must be positive semidefinite; is a sign in it, or in what made it, wrong?"
+        )
 
 
 def vector(values: Any, name: str, size: int | None = None) -> F64:

@@ -19,6 +19,7 @@ from carom.result.directory import RunDir
 
 FOLDER = "problems"
 FAILING = "failing_problem.h5"
+LEVELS = ("position", "velocity")
 #: Entries of a stored problem that go to the file as they are.
 ORIGIN = (
     "level",
@@ -111,6 +112,8 @@ def find(run: Path, failed_step: int | None, **wanted: Any) -> Path:
     Without any it is the one that could not be solved, of step `failed_step`, or the only one there is.
     """
     wanted = {key: value for key, value in wanted.items() if value is not None}
+    if (level := wanted.get("level")) not in (None, *LEVELS):
+        raise refuse("level", f"{level!r}", f"there are {' and '.join(map(repr, LEVELS))}")
     failing = run / FAILING
     if failing.is_file() and (not wanted or wanted == {"step": failed_step}):
         return failing
@@ -120,7 +123,7 @@ def find(run: Path, failed_step: int | None, **wanted: Any) -> Path:
         return fitting[0].path
     asked = ", ".join(f"{key}={value!r}" for key, value in wanted.items())
     if fitting:
-        names = "; ".join(map(str, fitting[:4])) + ("; ..." if len(fitting) > 4 else "")
+        names = _some(fitting)
         if any(file.again for file in fitting):
             names += " (again=0 is the first where again is not named)"
         cause = f"{len(fitting)} contact problems {'with ' + asked if asked else 'there'}"
@@ -129,6 +132,13 @@ def find(run: Path, failed_step: int | None, **wanted: Any) -> Path:
         cause = "no contact problem was kept"
         raise refuse(str(run), cause, "save_problems=... (--save-problems) keeps those of chosen steps")
     known = [f"step {failed_step} (not solved)"] * failing.is_file()
+    if here := [file for file in there if file.step == wanted.get("step")]:
+        raise refuse(str(run), f"no contact problem with {asked}", f"of this step there are: {_some(here)}")
     steps = sorted({file.step for file in there})
     known += [f"steps {', '.join(map(str, steps[:8]))}{', ...' if len(steps) > 8 else ''}"] * bool(steps)
     raise refuse(str(run), f"no contact problem with {asked}", f"there are those of {' and '.join(known)}")
+
+
+def _some(files: list[KeptFile]) -> str:
+    """The first of these, for a message."""
+    return "; ".join(map(str, files[:4])) + ("; ..." if len(files) > 4 else "")

@@ -329,7 +329,8 @@ def _positive(name: str, value: Any, *, infinite: bool = False) -> None:
     except (TypeError, ValueError):
         good = False
     if not good:
-        raise refuse(name, f"{value!r}", "it must be a number above 0")
+        finite = "" if infinite else "finite "
+        raise refuse(name, f"{value!r}", f"it must be a {finite}number above 0")
 
 
 def _count(name: str, value: Any) -> None:

@@ -73,7 +73,10 @@ class Choice:
 def unmet(choice: Choice, result: RunData, label: str = "save_problems") -> str | None:
     """What a finished run says of a choice that it could not meet: steps beyond it, or none with contacts."""
     made = len(result.steps)
-    late = [str(first) for first, last, _ in choice.steps if first > made and last != _LAST]
+    ends = [
+        first + (last - first) // stride * stride for first, last, stride in choice.steps if last != _LAST
+    ]
+    late = [str(end) for end in ends if end > made]
     if late:
         return f"{label}: the run ended at step {made}, before {', '.join(late)}; choose steps up to {made}"
     if not kept_files(result.path):
