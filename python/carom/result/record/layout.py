@@ -269,7 +269,9 @@ MEANINGS: dict[str, Meaning] = {
         "(row, 2) of the ball before and after: 0 flight, 1 slide, 2 roll, 3 spin, 4 rest, 5 stepped, 6 gone",
     ),
     "transitions/position": Meaning("m", "(row, xyz) centre of the ball then"),
-    "transitions/velocity": Meaning("m/s", "(row, xyz) its velocity afterwards"),
+    "transitions/velocity": Meaning(
+        "m/s", "(row, xyz) its velocity afterwards; of `outlet` that with which it left"
+    ),
     "impulses/step": Meaning("1", "step of the impact"),
     "impulses/time": Meaning("s", "time at the end of that step"),
     "impulses/body": Meaning("1", "(row, A and B) body indices as in /impacts"),
