@@ -44,6 +44,22 @@ def test_the_auditor_judges_no_contacts_of_a_last_frame_off_the_grid() -> None:
         assert report.ok, report
 
 
+def test_the_totals_of_a_record_begin_with_it() -> None:
+    """A ball of 1 kg that is struck to 2 m/s has 2 J from the first frame on, and gains nothing."""
+    scene = carom.Scene("free", gravity=(0, 0, 0))
+    scene.sphere("a", radius=0.05, mass=1.0, at=(0, 0, 0), material="m")
+    sim = carom.Simulation(scene, step=1e-3)
+    sim.step(5)
+    state = sim.state()
+    state["velocity"][0] = (2.0, 0.0, 0.0)
+    sim.restore(state)
+    sim.step(100)
+    summary = sim.result().summary
+    energy = summary["energy"]
+    assert (energy["initial"], energy["final"], energy["max_rise"], energy["rises"]) == (2.0, 2.0, 0.0, 0)
+    assert summary["steps"] == 100
+
+
 def test_a_result_and_the_record_go_on_apart() -> None:
     """The state off the grid that a result shows, read or not, is not in a later one, and later steps not in it."""
     sim = resting()

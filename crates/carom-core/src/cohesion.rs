@@ -275,13 +275,18 @@ pub(crate) fn potential(
     Ok(-found.iter().map(work).sum::<f64>())
 }
 
-/// The same at the start of a run, where nothing has been listed.
-pub(crate) fn first_potential(model: &Model, state: &State, scratch: &mut Scratch) -> f64 {
+/// The same where a record begins, at a time (s), where nothing has been listed.
+pub(crate) fn first_potential(
+    model: &Model,
+    state: &State,
+    scratch: &mut Scratch,
+    time: f64,
+) -> f64 {
     let reach = model.cohesive_reach();
     if reach == 0.0 {
         return 0.0;
     }
-    scratch.walls.place(model, 0.0);
+    scratch.walls.place(model, time);
     // Too many pairs, or one without a law: the first step says so.
     listed_potential(model, state, scratch).unwrap_or(0.0)
 }

@@ -99,8 +99,6 @@ impl Simulation {
             first = exchange(&model, &mut state, &scratch.walls, (0, 0.0));
             recorder.block.events.append(&mut first.events);
         }
-        let [kinetic, mut potential] = energy::total(&model, &state, 0.0);
-        potential += cohesion::first_potential(&model, &state, &mut scratch);
         let mut static_scale = 0.0;
         let displaced = &state.position[model.first_wall()..];
         for i in 0..model.bodies() {
@@ -111,15 +109,11 @@ impl Simulation {
             static_scale += pull * model.radius[i];
         }
         let calls = |load: &Arc<dyn Load>| load.dependence() == Dependence::Opaque;
-        Simulation {
+        let mut made = Simulation {
             opaque: model.loads.iter().any(calls),
             scratch,
             stepper,
-            monitors: Monitors {
-                entered: u64::from(first.entered),
-                removed: u64::from(first.removed),
-                ..Monitors::new(kinetic, potential, static_scale)
-            },
+            monitors: Monitors::default(),
             recorder,
             timers: Timers::default(),
             failed: None,
@@ -127,7 +121,19 @@ impl Simulation {
             static_scale,
             state,
             model,
-        }
+        };
+        made.begin_totals();
+        made.monitors.entered = u64::from(first.entered);
+        made.monitors.removed = u64::from(first.removed);
+        made
+    }
+
+    /// Begins all totals anew, with the energy of the present state.
+    pub fn begin_totals(&mut self) {
+        let time = self.time();
+        let [kinetic, weight] = energy::total(&self.model, &self.state, time);
+        let cohesive = cohesion::first_potential(&self.model, &self.state, &mut self.scratch, time);
+        self.monitors = Monitors::new(kinetic, weight + cohesive, self.static_scale);
     }
 
     /// Time of the present state, s: step number times h, free of drift.

@@ -190,12 +190,17 @@ impl Simulation {
         }
         loaded.follow_clumps(&inner.model);
         let open = read_open(state, bodies as u32)?;
-        let integers = arrays::indices(state, "monitor_int")?;
-        let floats = arrays::floats(state, "monitor_float")?;
-        let Some(monitors) = monitors_from(&integers, &floats) else {
-            return Err(ModelError::new_err(
-                "state: the monitors are of another version",
-            ));
+        // Without them the totals begin anew.
+        let monitors = match state.get_item("monitor_int")? {
+            Some(_) => {
+                let integers = arrays::indices(state, "monitor_int")?;
+                let floats = arrays::floats(state, "monitor_float")?;
+                let found = monitors_from(&integers, &floats);
+                Some(found.ok_or_else(|| {
+                    ModelError::new_err("state: the monitors are of another version")
+                })?)
+            }
+            None => None,
         };
         let joints = read_pairs(state, "open_joint")?;
         let count = inner.model.joints.len();
@@ -224,7 +229,10 @@ impl Simulation {
         inner.recorder.block.events.clear();
         inner.state = loaded;
         inner.recorder.open = open;
-        inner.monitors = monitors;
+        match monitors {
+            Some(monitors) => inner.monitors = monitors,
+            None => inner.begin_totals(),
+        }
         Ok(())
     }
 

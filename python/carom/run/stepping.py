@@ -193,7 +193,10 @@ class Simulation(State):
         if differs:
             cause = f"the state was made with another step than {self._run.plan.step:g} s"
             raise CaromError(f"restore: {cause}; give both simulations the same step")
-        # The record begins anew: what was summed since a frame of the old one is not in the first frame of the new one.
+        # The record begins anew: what was summed since a frame of the old one is not in the first frame of the new one, nor
+        # are totals of the old one in the summary.
+        for totals in ("monitor_int", "monitor_float"):
+            kept.pop(totals, None)
         return kept | {key: sums for key, sums in self._sums.items() if key in kept}
 
     def result(self) -> Result:

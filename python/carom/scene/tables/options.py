@@ -171,7 +171,7 @@ OPTIONS: dict[str, Option] = {
         methods=STEPPING,
     ),
     "max_halvings": Option(
-        "halvings of a step that is not solved, or too fast, at most; at 4 one not solved is halved up to 8 times",
+        "halvings of a step that is too fast or not solved, at most; at 4 one not solved is halved 8 times",
         Bounds(ge=0, le=20),
         methods=STEPPING,
     ),
