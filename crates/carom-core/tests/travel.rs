@@ -121,7 +121,7 @@ fn what_is_too_fast_is_refused_with_the_step_to_take() {
         (kind, outcome.step, &outcome.bodies[..]),
         ("too_fast", 1, &[0, 1][..])
     );
-    for part in ["80 m/s", "2.5 radii", "of 0.0002 s or less"] {
+    for part in ["80 m/s", "2.5 radii", "of 0.0001953 s or less"] {
         assert!(message.contains(part), "{message}");
     }
     assert_eq!(common::bits(&s), before, "nothing was written");
