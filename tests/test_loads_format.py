@@ -14,7 +14,7 @@ from carom import CaromError, ScenarioError, Scene
 from carom.result.directory import RunDir
 from carom.run import changes
 from carom.scene.assembly.arrays import identify
-from carom.scene.tables.laws import slope_at_start, value_at
+from carom.scene.tables.laws import slope_at, value_at
 from carom.scene.toml.literal import literal
 from carom.scene.toml.schema import json_schema
 from hypothesis import given
@@ -393,12 +393,12 @@ def test_mistakes_in_calls(call: Any, message: str) -> None:
 def test_laws_are_what_they_say(law: Any, values: dict[float, float], slope: float) -> None:
     for x, y in values.items():
         assert value_at(law, x) == pytest.approx(y, rel=1e-14)
-    found, doubt = slope_at_start(law, 1e-5)
+    found, doubt = slope_at(law, 0.0, 1e-5)
     assert abs(found - slope) <= doubt <= 1e-8
 
 
 def test_the_doubt_covers_laws_that_have_no_slope() -> None:
-    found, doubt = slope_at_start({"expression": "sqrt(t)"}, 1e-5)
+    found, doubt = slope_at({"expression": "sqrt(t)"}, 0.0, 1e-5)
     assert 10 * doubt > abs(found)
 
 

@@ -132,8 +132,11 @@ impl Simulation {
     pub fn begin_totals(&mut self) {
         let time = self.time();
         let [kinetic, weight] = energy::total(&self.model, &self.state, time);
-        let cohesive = cohesion::first_potential(&self.model, &self.state, &mut self.scratch, time);
-        self.monitors = Monitors::new(kinetic, weight + cohesive, self.static_scale);
+        let (model, scratch) = (&self.model, &mut self.scratch);
+        let cohesive = cohesion::first_potential(model, &self.state, scratch, time);
+        let stored = self.stepper.stored(model, &self.state, scratch, time);
+        let potential = weight + cohesive + stored;
+        self.monitors = Monitors::new(kinetic, potential, self.static_scale);
     }
 
     /// Time of the present state, s: step number times h, free of drift.
@@ -523,6 +526,18 @@ impl Simulation {
             residual = f.residual;
         }
         let mut cures = cures(&self.model.options, contacts, residual);
+        let pairs = self.failed.iter().flat_map(|f| &f.bodies);
+        let balls = pairs.flat_map(|&(a, b)| [a as usize, b as usize]);
+        let masses = balls.filter(|&i| i < self.model.bodies()).map(|i| self.model.mass[i]);
+        let [least, most] = masses.fold([f64::INFINITY, 0.0], |[least, most], m| {
+            [least.min(m), f64::max(most, m)]
+        });
+        if most > UNLIKE * least {
+            cures = format!(
+                "its masses differ by a factor of {}: make the heavy one lighter, and press by a force in place of weight",
+                told(most / least)
+            );
+        }
         if self.model.deformation.is_some() {
             cures += "; rigid grains on which a periodic box closes have no solution: end the run before";
         } else if self.model.walls.iter().any(|wall| wall.motion.is_some()) {
@@ -551,6 +566,9 @@ impl Simulation {
         )
     }
 }
+
+/// Masses in one problem over one another (1) beyond which that is why it is not solved: rounding of what presses the heavy one moves the light one.
+const UNLIKE: f64 = 1e6;
 
 /// A number of four digits, as people write it.
 fn told(x: f64) -> String {

@@ -64,7 +64,7 @@ impl Penalty {
     }
 
     /// Takes over the state at the start of a step, with the contacts that are closed.
-    pub fn take_state(&mut self, model: &Model, state: &State, time: f64) -> Result<(), LoadError> {
+    pub fn take_state(&mut self, model: &Model, state: &State) {
         let b = &mut self.bodies;
         b.position.clone_from(&state.position);
         b.orientation.clone_from(&state.orientation);
@@ -78,7 +78,6 @@ impl Penalty {
             let pair = Pair::new(model, &self.laws, b, touch.key, Some(*touch));
             self.pairs.push(pair);
         }
-        self.load(model, time, 0.0)
     }
 
     /// The state at the end of a step.

@@ -119,6 +119,9 @@ impl Pair {
             driven_work: 0.0,
         };
         pair.place(model, &laws.elastic, bodies);
+        if !pair.closed && pair.gap < 0.0 {
+            pair.close(bodies);
+        }
         pair.damping_of_approach(model);
         pair
     }

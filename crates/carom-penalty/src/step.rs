@@ -68,6 +68,16 @@ impl Stepper for Penalty {
     fn divides_steps(&self) -> bool {
         true
     }
+
+    fn stored(&mut self, model: &Model, state: &State, scratch: &mut Scratch, time: f64) -> f64 {
+        match self.begin_contacts(model, state, scratch, Span::new(time, 0.0)) {
+            Ok(_) => {
+                let pairs = self.pairs.iter();
+                pairs.map(|pair| pair.energy(&self.laws.elastic)).sum()
+            }
+            Err(_) => 0.0,
+        }
+    }
 }
 
 impl Penalty {
@@ -81,19 +91,33 @@ impl Penalty {
         span: Span,
     ) -> Result<(), Failure> {
         scratch.wall_impulse.fill([DVec3::ZERO; 2]);
-        let said = &mut scratch.load_error;
-        evaluated(self.bodies.walls.begin(model, span), said)?;
+        report.energy_out += self.begin_contacts(model, state, scratch, span)?;
+        let loads = self.load(model, span.start, 0.0);
+        evaluated(loads, &mut scratch.load_error)?;
+        self.load_limit = load_limit(model, state, span.start);
+        Ok(())
+    }
+
+    /// The bodies and their pairs. Returns what contacts stored whose walls have just been taken away, J.
+    fn begin_contacts(
+        &mut self,
+        model: &Model,
+        state: &State,
+        scratch: &mut Scratch,
+        span: Span,
+    ) -> Result<f64, Failure> {
+        let walls = self.bodies.walls.begin(model, span);
+        evaluated(walls, &mut scratch.load_error)?;
         self.bodies.walls.place(model, span.start);
-        evaluated(self.take_state(model, state, span.start), said)?;
+        self.take_state(model, state);
         let (elastic, bodies) = (&self.laws.elastic, &self.bodies);
         let taken = self.pairs.iter().map(|p| p.taken(model, elastic, bodies));
-        report.energy_out += taken.sum::<f64>();
+        let taken = taken.sum();
         self.set_needs(model, |_, _| 0.0);
         self.refresh(model, &mut scratch.neighbours)?;
         self.take_pairs(model, scratch.neighbours.pairs());
         self.check_laws()?;
-        self.load_limit = load_limit(model, state, span.start);
-        Ok(())
+        Ok(taken)
     }
 
     /// The next substep, and whether it ends the step: what is left in equal parts, none longer than any pair admits.

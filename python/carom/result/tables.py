@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -470,7 +471,7 @@ class Outcome:
         if self.bodies:
             names = list(dict.fromkeys(self.bodies))
             parts.append(("between " if len(names) > 1 else "at ") + " and ".join(names))
-        if self.residual is not None:
+        if self.residual is not None and not math.isnan(self.residual):  # of what was refused before it was solved
             parts.append(f"(residual {self.residual:.3g})")
         if self.message:
             parts.append(f"({self.message})")

@@ -32,10 +32,10 @@ const MANY_STEPS: usize = 1_000_000;
 const MOST_STEPS: usize = 2 * MANY_STEPS;
 /// Closing speed over the greatest one at the start (1) from which on a contact is compressed again. At 0 rounding is a collision.
 const CLOSING: f64 = 1e-8;
-/// Sweeps over the friction of a kick at most, and the change over the normal impulses (1) that ends them. Where rounding keeps it larger, up to the
-/// second share; beyond that the impact is not solved.
+/// Sweeps over the friction of a kick at most, and the change over the normal impulses (1) that ends them: a kick is a thousandth of an impact. Where
+/// rounding keeps it larger, up to the second share; beyond that the impact is not solved.
 const SWEEPS: usize = 100;
-const SETTLED: f64 = 1e-13;
+const SETTLED: f64 = 1e-11;
 const UNSETTLED: f64 = 1e-6;
 
 /// Loads, then the impact as a whole, then what the loads have closed meanwhile. An impact that was cut goes on by Newton's law.
@@ -231,12 +231,18 @@ impl Springs<'_> {
     fn kick(&mut self, dt: f64) -> bool {
         let mut most = 0.0;
         for i in 0..self.depth.len() {
-            self.given[i] = [0.0; 3];
+            let [before, x, y] = std::mem::take(&mut self.given[i]);
             let d = self.depth[i];
             if d > 0.0 {
                 let impulse = self.bent(self.springs[i].stiffness, d) * dt;
                 most = f64::max(most, impulse);
                 self.give(i, 0, impulse);
+                // Friction begins with its share of the last kick.
+                if x != 0.0 || y != 0.0 {
+                    let share = impulse / before;
+                    self.give(i, 1, share * x);
+                    self.give(i, 2, share * y);
+                }
             }
         }
         let mut change = 0.0;

@@ -34,6 +34,11 @@ pub trait Stepper: Send + Sync {
     fn divides_steps(&self) -> bool {
         false
     }
+
+    /// Energy that its contacts store at a time (s), J; 0 where they are rigid, and where the first step will say what is wrong.
+    fn stored(&mut self, _: &Model, _: &State, _: &mut Scratch, _time: f64) -> f64 {
+        0.0
+    }
 }
 
 /// A function is a method without memory.
