@@ -276,3 +276,38 @@ def test_methods_that_know_no_clumps_are_left_out() -> None:
     found = carom.compare(scene)
     assert [run.name for run in found] == ["nsga"]
     assert "moreau is left out: compare: method: clumps need method nsga, found moreau" in found.remarks
+
+
+def test_a_ball_that_left_has_no_number_and_others_have_theirs(tmp_path: Path) -> None:
+    """Positions of all balls went without a word, and the velocities of the one that left agreed."""
+    scene = carom.Scene("out", run={"until": 0.5, "step": 1e-3}, gravity=(0, 0, -9.8))
+    scene.contact("m", "m", friction=0.2, restitution=0.0)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for k, name in enumerate(("stays", "left")):
+        scene.sphere(name, radius=0.03, mass=0.1, position=(0, k, 0.03), velocity=(0.1, k, 0), material="m")
+    alone = carom.compare(scene.with_options(until=0.3), ("nsga", "moreau"))
+    assert not alone.remarks
+    scene.outlet(low=(-1, 1.31, -1), high=(1, 9, 1))
+    found = carom.compare(scene, ("nsga", "moreau"), at=0.3)
+    assert found.remarks == ('differences at 0.5 s leave out "left": not there in all runs',)
+    early, late = ([d for d in found["moreau"].differences if d.time == t] for t in found.times)
+    assert [d.greatest for d in early] == [d.greatest for d in alone["moreau"].differences]
+    assert [(d.quantity, d.body) for d in late if d.body != "stays"] == []
+    assert len(late) == 3
+    assert all(0 < d.relative < 1e-2 for d in late if d.greatest)
+    for run in found:
+        assert np.isnan(run.states["velocity"][-1, 1]).all()
+    found.plot().savefig(tmp_path / "velocities.png")
+    laws = carom.compare(scene.with_options(until=1.0), laws=("sequence", "poisson"))
+    assert "left  " not in str(laws)
+
+
+def test_where_all_balls_left_nothing_is_compared() -> None:
+    scene = carom.Scene("out", run={"until": 0.1, "step": 1e-3})
+    scene.contact("m", "m", friction=0.2, restitution=0.0)
+    scene.sphere("a", radius=0.03, mass=0.1, position=(0, 0, 0), velocity=(1, 0, 0), material="m")
+    scene.outlet(low=(0.05, -1, -1), high=(1, 1, 1))
+    found = carom.compare(scene, laws=("sequence", "poisson"))
+    assert not found["nsga+poisson"].differences
+    assert "nan" not in str(found)
+    found.plot()

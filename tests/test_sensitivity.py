@@ -208,5 +208,8 @@ def test_balls_that_left_are_named() -> None:
     scene.outlet(low=(0.2, -1, -1), high=(0.4, 1, 1))
     found = carom.sensitivity(scene, ["cue.velocity.x"])
     assert found.gone == ["cue"]
+    for quantity in ("position", "velocity", "angular_velocity"):  # those of its velocities were 0
+        assert np.isnan(found.of("cue", quantity)).all()
+        assert np.isfinite(found.of("object", quantity)).all()
     assert repr(found).endswith("NaN of cue, which left>")
     assert carom.sensitivity(shot(0.1), ["cue.velocity.x"]).gone == []

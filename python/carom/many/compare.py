@@ -22,6 +22,7 @@ from carom import _core
 from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.files import inside
+from carom.many.absent import absent_at, there_only, told
 from carom.many.impulses import growing, half
 from carom.many.quantity import USUAL
 from carom.many.sheets import of_comparison, titled
@@ -73,7 +74,8 @@ class Difference:
 class MethodRun:
     """One method: its options beyond the scene's, its numbers, and its differences from the first method.
 
-    `states` has an array (K, N, 3) for each quantity; rows of times that the run did not reach are NaN. `numbers` are those
+    `states` has an array (K, N, 3) for each quantity, NaN for balls that are not there and times that were not reached.
+    `numbers` are those
     of `carom run --json` that compare, and `impacts`, the rows of its table of impacts.
     """
 
@@ -292,6 +294,7 @@ def compare(
     chosen, remarks = _able(scene, chosen, methods is not None)
     floors = _floors(scene)
     sizes: Mapping[str, float] = {}
+    frames, absent = [n // every for n in wanted], np.zeros((len(wanted), len(scene.names)), dtype=bool)
     runs: list[MethodRun] = []
     for name, extra in chosen.items():
         directory = None if out is None else inside(Path(out), name)
@@ -304,15 +307,15 @@ def compare(
             except RunFailed as error:
                 result = error.result
         sizes = sizes or {q: max(floor, _largest(getattr(result, q))) for q, floor in floors.items()}
-        run = _measured(name, extra, result, [n // every for n in wanted], runs, sizes, directory)
+        run = _measured(name, extra, result, frames, runs, sizes, directory)
         if laws is not None:
             run = replace(run, impulses=growing(scene, extra, result))
+        absent |= absent_at(frames, result)
         runs.append(run)
         result.close()
-    times = tuple(n * h for n in wanted)
-    return Comparison(
-        scene.title, h, times, tuple(scene.names), tuple(runs), scene.case, laws is not None, remarks
-    )
+    times, bodies = tuple(n * h for n in wanted), tuple(scene.names)
+    remarks += told(times, bodies, absent)
+    return Comparison(scene.title, h, times, bodies, tuple(runs), scene.case, laws is not None, remarks)
 
 
 def _spacing(most: int, steps: int) -> int:
@@ -322,7 +325,7 @@ def _spacing(most: int, steps: int) -> int:
 
 def _largest(column: Any) -> float:
     """The largest sum below the line of eq. 45 of any frame, of a column (T, N, 3)."""
-    return float(np.max(np.sum(np.abs(np.asarray(column)), axis=(1, 2))))
+    return float(np.max(np.nansum(np.abs(np.asarray(column)), axis=(1, 2))))
 
 
 def _floors(scene: Scene) -> dict[str, float]:
@@ -350,12 +353,13 @@ def _measured(
     sizes: Mapping[str, float],
     directory: Path | None,
 ) -> MethodRun:
-    reached = len(result.time)
+    reached, there = len(result.time), result.present
+    nowhere = np.full((len(result.names), 3), np.nan)
     states: dict[str, F64] = {}
     for quantity in USUAL:
         column = getattr(result, quantity)
-        rows = [column[k] if k < reached else np.full((len(result.names), 3), np.nan) for k in frames]
-        states[quantity] = np.asarray(rows, dtype=np.float64)
+        rows = [there_only(column[k], there[k]) if k < reached else nowhere for k in frames]
+        states[quantity] = np.asarray(rows)
     times = [float(result.time[k]) if k < reached else math.nan for k in frames]
     numbers = {key: result.summary[key] for key in NUMBERS if key in result.summary}
     numbers["impacts"] = len(result.impacts)
@@ -384,9 +388,9 @@ def _differences(
     for k, time in enumerate(times):
         for quantity in USUAL:
             found, first = states[quantity][k], reference[quantity][k]
-            if np.isnan(found).any() or np.isnan(first).any():
-                continue  # one of the runs stopped before
             off = np.linalg.norm(found - first, axis=1)
-            worst = int(np.argmax(off))
-            relative = float(np.sum(np.abs(found - first))) / sizes[quantity]
+            if np.isnan(off).all():
+                continue  # one of the runs stopped before, or no ball is there in both
+            worst = int(np.nanargmax(off))
+            relative = float(np.nansum(np.abs(found - first))) / sizes[quantity]
             yield Difference(time, quantity, float(off[worst]), bodies[worst], relative)

@@ -20,6 +20,7 @@ import numpy as np
 from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, quoted
 from carom.many import moved
+from carom.many.absent import there_only
 from carom.many.batch import simulate_batch
 from carom.many.batch_result import Batch
 from carom.many.cases import Overrides
@@ -240,7 +241,7 @@ def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict
             continue
         found, off = {}, 0.0
         for quantity in QUANTITIES:
-            x = getattr(batch, quantity)
+            x = there_only(getattr(batch, quantity), batch.present)
             whole, half = (x[0] - x[1]) / (at[0] - at[1]), (x[2] - x[3]) / (at[2] - at[3])
             found[quantity] = (4.0 * half - whole) / 3.0
             size = max(_largest(found[quantity]), _largest(x) / (abs(value) or 1.0))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from carom.arrays import F64
 from carom.many.impulses import half
 from carom.many.order import pairwise_order
 from carom.many.quantity import QUANTITIES
@@ -75,11 +76,11 @@ def of_comparison(found: Comparison, untitled: str = "comparison") -> Sheet:
     counts("fallbacks", "fallbacks")
     if found.laws:
         _impulses(rows, runs)
-        moved = [np.abs(r.states["velocity"][-1]) for r in runs]
-        axes = np.flatnonzero(np.nanmax(moved, axis=(0, 1)) > 1e-9 * np.nanmax(moved))
+        moved = np.nan_to_num([np.abs(r.states["velocity"][-1]) for r in runs])
+        axes = np.flatnonzero(np.max(moved, axis=(0, 1)) > 1e-9 * np.max(moved))
         rows.append([f"velocities at {found.times[-1]:g} s (m/s)"])
         for k, name in enumerate(found.bodies[:MOST_BODIES]):
-            row(f"  {name}", lambda r, k=k: " ".join(f"{r.states['velocity'][-1][k, a]:.5f}" for a in axes))  # type: ignore[misc]
+            row(f"  {name}", lambda r, k=k: _numbers(r.states["velocity"][-1][k, axes]))  # type: ignore[misc]
     for time in found.times:
         rows.append([f"off {runs[0].name} at {time:g} s, greatest, and relative"])
         for quantity, (_, unit) in QUANTITIES.items():
@@ -91,6 +92,10 @@ def of_comparison(found: Comparison, untitled: str = "comparison") -> Sheet:
         rows,
         found.remarks,
     )
+
+
+def _numbers(values: F64) -> str:
+    return "-" if np.isnan(values).all() else " ".join(f"{x:.5f}" for x in values)
 
 
 def _impulses(rows: list[list[str]], runs: Sequence[MethodRun]) -> None:
