@@ -299,6 +299,19 @@ def test_what_the_caller_gives_may_be_wrong_too(how: dict[str, Any], key: str, p
     assert part in message
 
 
+def test_the_name_of_a_unit_and_of_a_parameter() -> None:
+    """`2*s` was 2 seconds in Python and in the file, twice the parameter with --set."""
+    text = CUT.replace("mu = 0.06", "s = 0.06").replace("mu*exp", "s*exp").replace("mu = 0\n", "s = 0\n")
+    for wrong, quantity in (("3*s", "3 s"), ("3/s", "3 1/s")):
+        for how in ({"parameters": {"n": wrong}}, {}):
+            source = text if how else text.replace("n = 2", f'n = "{wrong}"')
+            ((_, _, message),) = problems(source, **how)
+            assert f'may mean the unit or the parameter s; write "{quantity}" with the unit' in message
+            assert f'or "= {wrong}" with the parameter' in message
+    assert Scene.from_toml(text, parameters={"n": "= 50*s"}).parameters["n"] == 3.0
+    assert Scene.from_toml(text, parameters={"n": "3 s"}).parameters["n"] == 3.0
+
+
 @given(st.text("=+-*/^()., 0123456789eErfphimunstv<[{\"'\\\n\u00b2", max_size=30))
 def test_no_expression_gives_a_traceback(text: str) -> None:
     quoted = json.dumps("=" + text)
@@ -374,7 +387,10 @@ class TestCommandLine:
             ("stp=1", "did you mean step?"),
             ("phi=2r", "write *"),
             ("phi=8 degrees", "did you mean deg?"),
-            ("phi=8*deg", 'deg = "1 deg" if the unit is meant'),
+            ("phi=8 degs", 'unknown unit "degs"; did you mean deg?'),
+            ("phi=9,5 deg", '"9,5 deg" has a decimal comma'),
+            ("phi=asin(r", 'cannot read "asin(r": column 5: "(" is never closed'),
+            ("until=.5 mm", "expected a time"),
             ("parameters.g=1", "is no parameter of this file"),
             ("step=1", "write --set parameters.step=... or --set run.step=..."),
         ],
@@ -386,6 +402,20 @@ class TestCommandLine:
             Path(file).write_text(changed(("n = 2", "n = 2\nstep = 1e-3"), ("20*1e-3", "20*step")))
         assert self.carom("check", file, "--set", setting) == 2
         assert part in capsys.readouterr().err
+
+    @pytest.mark.parametrize("text", ["8 deg", "8*deg", "2*r", "-pi/20", "asin(.5)", "1 1/s"])
+    def test_a_text_means_the_same_here_and_in_python(
+        self, file: str, text: str, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """`2*r` was refused in Python, and `8*deg` here."""
+        expected = Scene.from_toml(file, parameters={"phi": text}).parameters["phi"]
+        assert self.carom("check", file, "--set", f"phi={text}", "--json") == 0
+        assert json.loads(capsys.readouterr().out)["parameters"]["phi"] == expected
+
+    def test_numbers_are_read_as_those_of_until(self, file: str, capsys: pytest.CaptureFixture[str]) -> None:
+        """`.5` is no number of TOML."""
+        assert self.carom("check", file, "--set", "until=.02", "--set", "step=.001", "--set", "phi=.5") == 0
+        assert "phi = 0.5," in capsys.readouterr().out
 
     def test_a_section_tells_parameter_and_option_apart(
         self, file: str, capsys: pytest.CaptureFixture[str]

@@ -170,6 +170,12 @@ def is_quantity(text: str) -> bool:
     return word is not None and meant(word[0]) is not None
 
 
+def after_the_number(text: str) -> str | None:
+    """What follows the number that a text begins with; None if it begins with none."""
+    match = _QUANTITY.fullmatch(text)
+    return match[3] if match else None
+
+
 def meant(name: str) -> str | None:
     """The unit that people call so, if there is one."""
     return name if name in UNITS else _MEANT.get(name.lower())

@@ -126,7 +126,7 @@ def settings(pairs: list[str]) -> dict[str, Any]:
 
 
 def _assignments(pairs: list[str]) -> dict[str, Any]:
-    """Values by their keys as they are written, with or without the section before a point."""
+    """Values by their keys as they are written, with or without the section before a point; numbers as of `--until`."""
     import tomllib
 
     found: dict[str, Any] = {}
@@ -138,7 +138,7 @@ def _assignments(pairs: list[str]) -> dict[str, Any]:
         try:
             found[key] = tomllib.loads(f"value = {text.strip()}")["value"]
         except tomllib.TOMLDecodeError:
-            found[key] = text.strip()
+            found[key] = number(text.strip())
     return found
 
 
@@ -174,7 +174,6 @@ def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
         return {}
     from carom.scene.tables.model import SINGLE
     from carom.scene.toml import load
-    from carom.units import is_quantity
 
     known, _ = load.variants(scenario)
     options = {key: name for name in ("run", "record") for key in SINGLE[name].model_fields}
@@ -186,9 +185,7 @@ def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
                     f"--set {key}: both a parameter of the file and a key of [{options[key]}] are called so;"
                     f" write --set {_PARAMETERS}{key}=... or --set {options[key]}.{key}=..."
                 )
-            # A parameter is a number, so text can only be a quantity or an expression.
-            bare = isinstance(value, str) and not value.startswith("=") and not is_quantity(value)
-            found[key] = f"= {value}" if bare else value
+            found[key] = value
         elif known and key.rpartition(".")[2] not in options:
             cause = "is neither a parameter of the file nor a key of [run] or [record]"
             raise ScenarioError([Problem(f"--set {key}", "", cause, did_you_mean(key, [*known, *options]))])

@@ -7,7 +7,8 @@ becomes that number. A scene therefore knows nothing of them but the `Variant` i
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, get_args
@@ -20,7 +21,7 @@ from carom.errors import did_you_mean, quoted
 from carom.numeric import is_finite
 from carom.scene.messages import nested
 from carom.scene.tables.fields import Checked, Integer, Quantity
-from carom.scene.tables.laws import Law, LawVector
+from carom.scene.tables.laws import Law, LawVector, parse
 from carom.scene.tables.lists import Integers, Tensor, Vector, Vectors
 from carom.scene.tables.model import REPEATED, SINGLE
 from carom.scene.toml.formulas import Formulas, Kind, is_formula
@@ -131,10 +132,16 @@ def _unfit(name: str) -> tuple[str, str] | None:
     return None
 
 
-def _fit(tables: Tables, path: Path, name: str, value: Any) -> float | str | None:
-    """The value of the parameter `name` in SI, or its expression of the parameters above it; None if it is wrong."""
+def _fit(tables: Tables, path: Path, name: str, value: Any, bare: bool = False) -> float | str | None:
+    """The value of the parameter `name` in SI, or its expression of the parameters above it; None if it is wrong.
+
+    A `bare` expression needs no "=": it is what cannot be a quantity.
+    """
     k = tables.order.index(name)
-    if is_formula(value):
+    if isinstance(value, str) and (both := _two_readings(value, tables.order)):
+        tables.formulas.refuse(path, *both)
+        return None
+    if is_formula(value) or (bare and isinstance(value, str) and _is_expression(value, tables.order)):
         known = tables.formulas.names(value, path, tables.order[:k], tables.order[k:])
         return str(value) if known else None
     formula = ', or an expression of the parameters above it: "= 2*pi"'
@@ -148,6 +155,34 @@ def _fit(tables: Tables, path: Path, name: str, value: Any) -> float | str | Non
     cause = f"expected a number or an expression, found {quoted(value)}"
     tables.formulas.refuse(path, cause, f"write {units.expected(None)}{formula}")
     return None
+
+
+def _two_readings(text: str, known: Sequence[str]) -> tuple[str, str] | None:
+    """Cause and cure, if a text is a quantity and an expression of parameters with the names of its units, as "2*m"."""
+    try:
+        names = [name for name in parse(text).variables if name in known]
+        units.parse(text)
+    except ValueError:
+        return None
+    if not names:
+        return None
+    quantity = re.sub(r"\s*([*/])\s*", lambda sign: " " if sign[1] == "*" else " 1/", text, count=1)
+    cause = f"{quoted(text)} may mean the unit or the parameter {names[0]}"
+    return cause, f"write {quoted(quantity)} with the unit, or {quoted(f'= {text}')} with the parameter"
+
+
+def _is_expression(text: str, known: Sequence[str]) -> bool:
+    """Whether a text is no quantity: what follows the number it begins with, if any, is no unit, misspelt or forgotten."""
+    with suppress(units.UnitError):
+        units.parse(text)
+        return False
+    rest = units.after_the_number(text)
+    if not rest or any(name in known for name in _NAME.findall(rest)):
+        return rest != ""
+    with suppress(ValueError):
+        parse(text)
+        return True
+    return False
 
 
 def _read_cases(raw: Mapping[str, Any], tables: Tables) -> None:
@@ -211,7 +246,7 @@ def _given(tables: Tables, given: Mapping[str, Any]) -> Chosen:
         if name not in tables.order:
             cure = did_you_mean(name, tables.order) if tables.order else "the file has no [parameters]"
             tables.formulas.refuse(path, "is no parameter of this file", cure)
-        elif (fit := _fit(tables, path, name, value)) is not None:
+        elif (fit := _fit(tables, path, name, value, bare=True)) is not None:
             chosen[name] = (path, fit)
     return chosen
 
@@ -221,7 +256,7 @@ def _values(tables: Tables, chosen: Chosen) -> dict[str, float | None]:
     values: dict[str, float | None] = dict.fromkeys(tables.order)
     for name, own in tables.parameters.items():
         path, value = chosen.get(name, (("parameters", name), own))
-        if is_formula(value):
+        if isinstance(value, str):
             values[name] = tables.formulas.number(value, path, values)
         else:
             values[name] = float(value)

@@ -137,4 +137,4 @@ class Formulas:
 
 
 def _blank(text: str) -> str:
-    return text.replace("=", " ", 1)
+    return text.replace("=", " ", 1) if is_formula(text) else text
