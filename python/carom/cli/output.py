@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable
@@ -99,7 +100,8 @@ def _leave_at_once_if_broken(code: int) -> None:
 
 def _refused(error: Exception, as_json: bool) -> int:
     if isinstance(error, ScenarioError):
-        print(error.report(), file=sys.stderr)
+        # Problems of a file begin with its name and line, as those of compilers do.
+        print(re.sub("(?m)^(?=--)", "carom: ", error.report()), file=sys.stderr)
         if as_json:
             emit({"error": str(error), "code": BAD_INPUT, "problems": [p.to_dict() for p in error.problems]})
         return BAD_INPUT

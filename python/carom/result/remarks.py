@@ -57,7 +57,7 @@ def _cut(result: RunData) -> dict[str, Any] | None:
     ):  # by size: the longest that came to an end says little, but a multiple of it is longer than that
         longest = int(problems.max())
         cure = f"set max_problems in [run], for example to {MORE * longest} (the longest had {longest})"
-    return {"cut": cut, "hit": hit, "cure": cure}
+    return {"cut": cut, "hit": hit, "cure": f"{cure}; steps that were cut may then take {MORE} times as long"}
 
 
 def _rise(result: RunData) -> float:

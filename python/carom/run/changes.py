@@ -10,6 +10,7 @@ from carom.result.directory import RunDir
 from carom.run import summary
 from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
+from carom.scene.tables.model import SINGLE
 
 #: Options that may change when a run is continued: how hard the contact problems are solved, not which ones; and
 #: when checkpoints are written.
@@ -25,7 +26,8 @@ def refuse_other_physics(options: Mapping[str, Any], places: Mapping[str, str]) 
     """Raise unless all `options` may change within a run."""
     for key in options:
         if key not in ("until", *CHANGEABLE):
-            meant = nearest(key, CHANGEABLE)
+            known = any(key in SINGLE[name].model_fields for name in ("run", "record"))
+            meant = None if known else nearest(key, CHANGEABLE)
             cure = f"did you mean {meant}?" if meant else "start a new run for it"
             raise CaromError(
                 f"{places.get(key, key)}: cannot change within a run, only {', '.join(CHANGEABLE)} can; {cure}"
