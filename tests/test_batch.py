@@ -267,3 +267,13 @@ def test_a_load_function_keeps_its_place_in_a_case_and_a_batch_that_breaks_keeps
     with pytest.raises(RuntimeError, match="a fault of Carom") as caught:
         carom.simulate_batch(pair(), {"cue.mass": [0.17, 0.2, 0.3]}, threads=1)
     assert caught.value.result.outcome.tolist() == ["done", "not_run", "not_run"]  # type: ignore[attr-defined]
+
+
+def test_a_ball_may_be_called_as_two_materials() -> None:
+    """The law `ball/cloth.friction` was refused then, with the advice to write just that."""
+    plain, scene = pair(), pair()
+    scene.spheres[1].name = "ball/cloth"
+    given = {"ball/cloth.friction": [0.0, 0.3]}
+    found = carom.simulate_batch(scene, given | {"ball/cloth.mass": [0.1, 0.2]})
+    same = carom.simulate_batch(plain, given | {"object.mass": [0.1, 0.2]})
+    assert np.array_equal(found.position, same.position)

@@ -313,7 +313,12 @@ def test_a_run_that_failed_goes_on_with_other_numerical_options(runs: Path) -> N
     assert (
         "would fail there again; change how it is solved" in cli("resume", "stuck", cwd=runs, code=2).stderr
     )
-    for wrong, words in (("step=1e-4", "cannot change within a run"), ("tol=1", "did you mean tolerance?")):
+    for wrong, words in (
+        ("step=1e-4", "cannot change within a run"),
+        ("tol=1", "did you mean tolerance?"),
+        ("contacts=false", "start a new run for it"),  # not "did you mean dense_contacts?"
+        ("pile_tolerance=0", "carom: --set pile_tolerance: must be"),
+    ):
         assert words in cli("resume", "stuck", "--set", wrong, cwd=runs, code=2).stderr
     cli("resume", "stuck", "--quiet", "--set", "max_iterations=50", cwd=runs)
     result = carom.load(runs / "stuck")

@@ -161,7 +161,7 @@ def test_command_refuses_what_it_does_not_know() -> None:
     for arguments, told in (
         (["--methods", "nsga,euler"], "no method is called 'euler'"),
         (["--laws", "sequense"], "no impact law is called 'sequense'; did you mean"),
-        (["--at", "soon"], "no time in s"),
+        (["--at", "soon"], '--at: "soon" is not a number with a unit'),
         (["--set", "stepp=1"], "write step="),
     ):
         code, out, err = command(str(THREE), *arguments)
@@ -311,3 +311,19 @@ def test_where_all_balls_left_nothing_is_compared() -> None:
     assert not found["nsga+poisson"].differences
     assert "nan" not in str(found)
     found.plot()
+
+
+def test_where_no_method_can_take_a_scene_all_are_named() -> None:
+    """One named at a time takes as many tries as there are methods."""
+    scene = carom.Scene("clump", run={"until": 0.01, "step": 1e-3})
+    scene.contact("m", "m", friction=0.3, restitution=0.5)
+    scene.clump("c", spheres=[[0, 0, 0, 0.02], [0.03, 0, 0, 0.02]], density=1000, material="m", at=(0, 0, 1))
+    told = r'penalty: .*found penalty; events: .*found events; moreau: .*found moreau; write method = "nsga"'
+    with pytest.raises(carom.CaromError, match=told):
+        carom.compare(scene, ("penalty", "events", "moreau"))
+
+
+def test_times_may_have_units() -> None:
+    code, out, _ = command(str(THREE), "--methods", "nsga,moreau", "--at", "10 ms,.005", "--json")
+    assert code == 0
+    assert json.loads(out)["times"] == pytest.approx([0.005, 0.01, 0.02])

@@ -10,7 +10,7 @@ import carom
 import error_catalogue
 import pytest
 from carom import ScenarioError, Scene
-from carom.errors import Problem
+from carom.errors import Problem, among, did_you_mean
 from carom.problem import ContactProblemError
 from carom.scene.toml import load
 from error_cases import CALLED, PIECES
@@ -154,3 +154,12 @@ def test_the_outcomes_of_a_run_are_on_the_page() -> None:
 def test_errors_are_of_one_family() -> None:
     assert issubclass(ScenarioError, carom.CaromError)
     assert issubclass(carom.CaromError, ValueError)
+
+
+def test_names_that_may_be_taken_for_several_are_quoted_in_lists() -> None:
+    assert did_you_mean("xyz", ["cue, left", "all"]) == 'known: "cue, left", all'
+    assert (
+        did_you_mean("cue, lef", ["cue, left", "all"])
+        == 'did you mean "cue, left"? (known: "cue, left", all)'
+    )
+    assert among("xyz", ["thin cut"], ["all"]) == 'known: "thin cut", all'

@@ -505,3 +505,30 @@ class TestCommand:
     def test_every_format_is_in_the_help(self) -> None:
         text = CliRunner().invoke(app, ["export", "--help"]).stdout
         assert all(name in text for name in FORMATS)
+
+
+def test_times_of_the_command_may_have_units(column: carom.Result, tmp_path: Path) -> None:
+    end = float(column.time[-1])
+
+    def exported(*times: str) -> str:
+        out = tmp_path / "-".join(times).replace(" ", "_")
+        command = [
+            "export",
+            str(column.path),
+            "--format",
+            "csv",
+            "-o",
+            str(out),
+            "--from",
+            times[0],
+            "--to",
+            times[1],
+        ]
+        assert CliRunner().invoke(app, command).exit_code == 0
+        return (out / "frames.csv").read_text()
+
+    assert exported("0 ms", f"{500 * end:.17g} ms") == exported("0", f"{end / 2:.17g}")
+    done = CliRunner().invoke(
+        app, ["export", str(column.path), "--from", "soon", "-o", str(tmp_path / "none")]
+    )
+    assert (done.exit_code, '--from: "soon" is not a number with a unit' in done.stderr) == (2, True)

@@ -240,3 +240,20 @@ def test_joints_are_refused_and_a_comparison_leaves_the_method_out() -> None:
         carom.simulate(scene, method="penalty", until=0.01)
     assert "penalty" not in [run.name for run in carom.compare(scene, until=0.01)]
     assert "penalty" in [run.name for run in carom.compare(pair(), until=0.01)]
+
+
+@pytest.mark.parametrize("far", [0.0, 0.3, 10.0])
+def test_an_overlap_of_a_tenth_of_the_radius_is_admitted_wherever_it_is(far: float) -> None:
+    """Rounding of the positions decided."""
+    radius = 0.01
+    for share, begins in ((0.1, True), (0.1001, False)):
+        scene = carom.Scene("overlap", run={"method": "penalty", "until": 1e-4, "step": 1e-4})
+        scene.contact("m", "m", friction=0.2, restitution=0.6)
+        for name, x in (("a", far), ("b", far + (2 - share) * radius)):
+            scene.sphere(name, radius=radius, mass=0.1, position=(x, 0, 0), material="m")
+        if begins:
+            scene.validate()
+            assert carom.simulate_batch(scene, {"a.mass": [0.1]}).ok.all()
+        else:
+            with pytest.raises(carom.CaromError, match="overlap at the start"):
+                scene.validate()

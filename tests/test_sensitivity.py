@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import carom
 import numpy as np
@@ -213,3 +214,34 @@ def test_balls_that_left_are_named() -> None:
         assert np.isfinite(found.of("object", quantity)).all()
     assert repr(found).endswith("NaN of cue, which left>")
     assert carom.sensitivity(shot(0.1), ["cue.velocity.x"]).gone == []
+
+
+def test_what_presses_what_is_named() -> None:
+    """Of one ball on a slope it was told that "balls press one another"."""
+    scene = shot(0.1, offset=9.0)
+    scene.world.gravity = (1.0, 0.0, -G)
+    with pytest.raises(
+        carom.CaromError, match=r'from t = 0 s on "cue" and "bed" press one another, as on a slope'
+    ):
+        carom.sensitivity(scene, ["cue.velocity.x"])
+
+
+@pytest.mark.parametrize(
+    ("build", "to", "told"),
+    [
+        (
+            lambda speed: shot(0.1, speed=speed),
+            {"speed": "1 m/s"},
+            'speed must be a number in SI, found "1 m/s"',
+        ),
+        (
+            lambda speed: shot(0.1, speed=speed),
+            {"speed": None},
+            "speed must be a number in SI, found nothing",
+        ),
+        (lambda speed: speed, {"speed": 1.0}, "the function must return a scene, found float"),
+    ],
+)
+def test_functions_and_their_arguments_are_checked(build: Any, to: dict[str, Any], told: str) -> None:
+    with pytest.raises(carom.CaromError, match=told):
+        carom.sensitivity(build, to)

@@ -168,10 +168,15 @@ def nearest(name: str, known: Sequence[str]) -> str | None:
 def did_you_mean(name: str, known: Sequence[str]) -> str:
     """A cure: the nearest known name, or the list of all of them."""
     best = nearest(name, known)
-    listed = ", ".join(known) if known else "(none)"
-    if best:
-        return f"did you mean {best}? (known: {listed})" if len(known) <= 12 else f"did you mean {best}?"
-    return f"known: {listed}"
+    if best and len(known) > 12:
+        return f"did you mean {_in_a_list(best)}?"
+    listed = ", ".join(map(_in_a_list, known)) if known else "(none)"
+    return f"did you mean {_in_a_list(best)}? (known: {listed})" if best else f"known: {listed}"
+
+
+def _in_a_list(name: str) -> str:
+    """A name in quotes where it could be taken for several."""
+    return quoted(name) if "," in name or " " in name else name
 
 
 #: Names that are searched and shown where there are very many.

@@ -14,11 +14,11 @@ from carom.cli.options import (
     Until,
     drawn,
     listed,
-    numbers,
     option,
     refuse_existing,
     refuse_figure,
     scene,
+    times,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import progress_bar
@@ -50,7 +50,8 @@ def compare(
         ),
     ] = None,
     at: Annotated[
-        list[str] | None, option("--at", "TIME", "Also compare at this time (s); several with commas.")
+        list[str] | None,
+        option("--at", "TIME", "Also compare at this time, s or with a unit; several with commas."),
     ] = None,
     until: Until = None,
     case: Case = None,
@@ -83,7 +84,7 @@ def compare(
             described,
             listed("--methods", methods) or None,
             laws="all" if laws == "all" else listed("--laws", laws) or None,
-            at=numbers("--at", at or [], "what is no time in s", "--at 0.1,0.2"),
+            at=times("--at", *at or []),
             out=out,
             force=force,
             progress=bar,

@@ -17,11 +17,11 @@ from carom.cli.options import (
     drawn,
     listed,
     number,
-    numbers,
     option,
     refuse_figure,
     scene,
     settings,
+    times,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.many.sheets import of_convergence
@@ -55,7 +55,7 @@ def converge(
         option(
             "--at",
             "TIME",
-            "Measure the error at this time (s) only; several with commas. Default: all steps.",
+            "Measure the error at this time, s or with a unit, only; several with commas. Default: all steps.",
         ),
     ] = None,
     case: Case = None,
@@ -89,11 +89,11 @@ def converge(
     fine = number(reference)
     found = study_of(
         described,
-        numbers("--steps", [steps], example="--steps 1e-2,5e-3"),
+        times("--steps", steps),
         fine if isinstance(fine, float) else reference,
         listed("--quantities", quantities) or None,
         until=described.run.until if until is not None else None,
-        at=numbers("--at", at or [], example="--at 1e-2,5e-3"),
+        at=times("--at", *at or []),
         threads=threads,
     )
     files = drawn(convergence, found, plot)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from carom.cli.options import Json, Run, listed, loaded, option
+from carom.cli.options import Json, Run, listed, loaded, option, time
 from carom.cli.output import files, guarded, note
 from carom.errors import CaromError
 
@@ -26,12 +26,14 @@ def export(
         Path | None, option("-o", "--out", "DIR", "Output directory. Default: RUN/export.")
     ] = None,
     every: Annotated[int, option("--every", "K", "Export every K-th recorded frame.", min=1)] = 1,
-    start: Annotated[float | None, option("--from", "TIME", "Start at this time, s.")] = None,
-    stop: Annotated[float | None, option("--to", "TIME", "Stop at this time, s.")] = None,
+    start: Annotated[str | None, option("--from", "TIME", "Start at this time, s or with a unit.")] = None,
+    stop: Annotated[str | None, option("--to", "TIME", "Stop at this time, s or with a unit.")] = None,
     contacts: Annotated[
         bool, option("--contacts/--no-contacts", "Also export contacts and their forces.")
     ] = True,
-    at: Annotated[float | None, option("--at", "TIME", "png: one picture at this time, s.")] = None,
+    at: Annotated[
+        str | None, option("--at", "TIME", "png: one picture at this time, s or with a unit.")
+    ] = None,
     speed: Annotated[
         float | None,
         option("--speed", "X", "Films: simulated seconds per second. Default: 1, or what suits the run."),
@@ -74,7 +76,13 @@ def export(
     formats = listed("--format", format_)
     for name in formats:  # before anything is written
         check_format(name)
-    named: dict[str, Any] = {"at": at, "speed": speed, "fps": fps, "width": width, "height": height}
+    named: dict[str, Any] = {
+        "at": time("--at", at),
+        "speed": speed,
+        "fps": fps,
+        "width": width,
+        "height": height,
+    }
     named |= {"camera": camera, "follow": follow, "shading": shading}
     film = {key: value for key, value in named.items() if value is not None}
     if film and not set(formats) & set(FILMS):
@@ -86,11 +94,10 @@ def export(
         and np.any(result.steps["contacts"])
     ):
         note("contacts were not recorded, and are left out; contacts = true in [record] keeps them")
+    begin, end = time("--from", start), time("--to", stop)
     written = []
     for name in formats:
         with counting_bar(not (quiet or as_json) and name in FILMS, "pictures") as bar:
             look = {**film, "stamp": stamp, "progress": bar} if name in FILMS else {}
-            written += result.export(
-                out, name, every=every, start=start, stop=stop, contacts=contacts, **look
-            )
+            written += result.export(out, name, every=every, start=begin, stop=end, contacts=contacts, **look)
     files(written, as_json)

@@ -72,15 +72,22 @@ def listing(names: Sequence[str]) -> str:
     return shlex.quote(csv_bytes([names]).decode().removesuffix("\n"))
 
 
-def numbers(
-    option: str, given: list[str], wrong: str = "a value that is not a number", example: str = "1e-2,5e-3"
-) -> list[float]:
-    """The numbers of an option that takes several with commas; messages have what is `wrong`, and an `example`."""
-    parts = listed(option, *given)
+def times(option: str, *given: str | None) -> list[float]:
+    """The times (s) of an option that takes several with commas, in seconds or with a unit."""
+    from carom.units import UnitError, parse
+
+    found = [number(part) for part in listed(option, *given)]
     try:
-        return [float(part) for part in parts]
-    except ValueError:
-        raise typer.BadParameter(f"{','.join(given)!r} holds {wrong}; write for example {example}") from None
+        return [parse(part, "time") if isinstance(part, str) else part for part in found]
+    except UnitError as error:
+        raise CaromError(f"{option}: {error}") from None
+
+
+def time(option: str, given: str | None) -> float | None:
+    """The time (s) of an option, in seconds or with a unit."""
+    if len(found := times(option, given)) > 1:
+        raise CaromError(f"{option}: {given!r} names several times; give one")
+    return found[0] if found else None
 
 
 def figure_formats(text: str) -> list[str]:

@@ -127,7 +127,7 @@ class Overrides:
             if not width or letters not in axes:
                 raise CaromError(f"simulate_batch: {quoted(key)}: {quoted(quantity)} has no {letters}")
             return _Place(quantity, (self._body(key, owner, quantity), axes.index(letters))), ()
-        if "/" in owner and owner not in self._names:
+        if "/" in owner and (quantity in LAW_KEYS or owner not in self._names):
             return self._law(key, owner, quantity), ()
         if quantity not in WIDTHS:
             known = [*WIDTHS, "gravity"]

@@ -205,12 +205,16 @@ def _able(
     """The methods that can take the scene, and what is to be said of others. Those that were `named` must all take it."""
     refused = _refused(scene, chosen)
     able = {name: extra for name, extra in chosen.items() if name not in refused}
-    if refused and (not able or (named and len(refused) == 1)):
-        raise next(iter(refused.values()))
+    first = next(iter(refused.values()), None)
+    if first and (len(refused) == 1 if named else not able):
+        raise first
     causes = {name: str(error).partition("; ")[0] for name, error in refused.items()}
     if refused and named:
         told = "; ".join(f"{name}: {cause}" for name, cause in causes.items())
-        raise CaromError(f"{told}; compare {', '.join(able)}, which can take the scene")
+        cure = (
+            f"compare {', '.join(able)}, which can take the scene" if able else str(first).partition("; ")[2]
+        )
+        raise CaromError(f"{told}; {cure}")
     if named:
         return able, ()
     pair = "events,nsga" if scene.run.method == "events" else f"{scene.run.method},events"

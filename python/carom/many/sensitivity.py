@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from carom.many.batch import simulate_batch
 from carom.many.batch_result import Batch
 from carom.many.cases import Overrides
 from carom.many.quantity import USUAL
+from carom.numeric import is_finite
 from carom.result.tables import Transitions
 from carom.run.simulate import scene_of
 from carom.scene.plan import whole_steps
@@ -113,7 +114,7 @@ def sensitivity(
         raise CaromError(f"sensitivity: the shot itself fails ({batch.outcome[0]}): {batch.message[0]}")
     events = _events(batch)[0]
     if any(row[0] == PRESS for row in events):
-        raise CaromError("sensitivity: balls press one another; what steps compute has no exact derivative")
+        _refuse_steps(batch, start({})[1])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CaromWarning)  # the shot itself has told
         _refuse_to_part(start, value)
@@ -174,19 +175,27 @@ def _of_function(
         raise CaromError(
             'sensitivity: give the arguments of the function with their values, as {"speed": 2.0}'
         )
+    for name, x in to.items():
+        if not is_finite(x):
+            raise CaromError(f"sensitivity: {name} must be a number in SI, found {quoted(x)}")
     value = {str(name): float(x) for name, x in to.items()}
+
+    def made(given: Mapping[str, float]) -> Scene:
+        scene = build(**given)
+        if not isinstance(scene, Scene):
+            raise CaromError(f"sensitivity: the function must return a scene, found {type(scene).__name__}")
+        return _exact(scene, options)
 
     def run(given: Mapping[str, F64]) -> Batch:
         cases = max((len(x) for x in given.values()), default=1)
         rows = [value | {name: float(x[k]) for name, x in given.items()} for k in range(cases)]
-        scenes = [_exact(build(**row), options) for row in rows]
-        return simulate_batch(scenes, threads=threads, impacts=True)
+        return simulate_batch([made(row) for row in rows], threads=threads, impacts=True)
 
     def start(given: Mapping[str, float]) -> tuple[moved.Model, list[str]]:
-        scene = _exact(build(**value | dict(given)), options)
+        scene = made(value | dict(given))
         return scene.to_model(), _bodies(scene)
 
-    return run, start, value, list(build(**value).names)
+    return run, start, value, list(made(value).names)
 
 
 def _exact(scene: Scene, options: Mapping[str, Any]) -> Scene:
@@ -202,6 +211,16 @@ def _exact(scene: Scene, options: Mapping[str, Any]) -> Scene:
 
 def _bodies(scene: Scene) -> list[str]:
     return [*scene.names, *scene.wall_names]
+
+
+def _refuse_steps(batch: Batch, bodies: Sequence[str]) -> NoReturn:
+    """Raise for a shot of which a part is computed in steps: name who was the first to need them."""
+    first = int(np.argmax(batch.transitions["kind"] == PRESS))
+    a, b = (quoted(bodies[i]) for i in batch.transitions["body"][first])
+    raise CaromError(
+        f"sensitivity: from t = {batch.transitions['time'][first]:.6g} s on {a} and {b} press one another, as on a slope"
+        " or in a pile; method events makes steps then, and what steps compute has no exact derivative"
+    )
 
 
 def _refuse_to_part(start: Start, value: Mapping[str, float]) -> None:

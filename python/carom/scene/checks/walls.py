@@ -46,7 +46,7 @@ def touching(options: Mapping[str, Any]) -> float:
     In scenes of piles it is what a step may leave in the largest of them; with springs what they hold without a warning.
     """
     if options.get("method") == "penalty":
-        return MOST_OVERLAP
+        return MOST_OVERLAP + TOUCHING
     pile_tolerance = float(options.get("pile_tolerance", 0.0))
     return _core.pile_overlap(pile_tolerance, HUGE) if pile_tolerance >= COARSE else TOUCHING
 
