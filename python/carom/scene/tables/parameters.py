@@ -138,8 +138,7 @@ def _fit(tables: Tables, path: Path, name: str, value: Any, bare: bool = False) 
     A `bare` expression needs no "=": it is what cannot be a quantity.
     """
     k = tables.order.index(name)
-    if isinstance(value, str) and (both := _two_readings(value, tables.order)):
-        tables.formulas.refuse(path, *both)
+    if isinstance(value, str) and _has_two_readings(tables, path, value):
         return None
     if is_formula(value) or (bare and isinstance(value, str) and _is_expression(value, tables.order)):
         known = tables.formulas.names(value, path, tables.order[:k], tables.order[k:])
@@ -157,18 +156,19 @@ def _fit(tables: Tables, path: Path, name: str, value: Any, bare: bool = False) 
     return None
 
 
-def _two_readings(text: str, known: Sequence[str]) -> tuple[str, str] | None:
-    """Cause and cure, if a text is a quantity and an expression of parameters with the names of its units, as "2*m"."""
+def _has_two_readings(tables: Tables, path: Path, text: str) -> bool:
+    """Whether a text is a quantity and an expression of parameters with the names of its units, as "2*m": it is refused."""
     try:
-        names = [name for name in parse(text).variables if name in known]
+        names = [name for name in parse(text).variables if name in tables.order]
         units.parse(text)
     except ValueError:
-        return None
-    if not names:
-        return None
-    quantity = re.sub(r"\s*([*/])\s*", lambda sign: " " if sign[1] == "*" else " 1/", text, count=1)
-    cause = f"{quoted(text)} may mean the unit or the parameter {names[0]}"
-    return cause, f"write {quoted(quantity)} with the unit, or {quoted(f'= {text}')} with the parameter"
+        return False
+    if names:
+        quantity = re.sub(r"\s*([*/])\s*", lambda sign: " " if sign[1] == "*" else " 1/", text, count=1)
+        cause = f"{quoted(text)} may mean the unit or the parameter {names[0]}"
+        cure = f"write {quoted(quantity)} with the unit, or {quoted(f'= {text}')} with the parameter"
+        tables.formulas.refuse(path, cause, cure)
+    return bool(names)
 
 
 def _is_expression(text: str, known: Sequence[str]) -> bool:
