@@ -162,4 +162,4 @@ def test_names_that_may_be_taken_for_several_are_quoted_in_lists() -> None:
         did_you_mean("cue, lef", ["cue, left", "all"])
         == 'did you mean "cue, left"? (known: "cue, left", all)'
     )
-    assert among("xyz", ["thin cut"], ["all"]) == 'known: "thin cut", all'
+    assert among("xyz", ["thin cut"], ["all"]) == "known: thin cut, all"

@@ -285,7 +285,7 @@ def test_one_table_in_place_of_many() -> None:
 @pytest.mark.parametrize(
     ("how", "key", "part"),
     [
-        ({"case": "thin"}, "case", 'did you mean "thin cut"?'),
+        ({"case": "thin"}, "case", "did you mean thin cut?"),
         ({"set": {"fi": 1}}, "set fi", "known: r, f, phi, mu, n"),
         ({"set": {"f": "0.3"}}, "set f", "remove the quotes"),
         ({"set": {"f": "= mu"}}, "set f", "move mu up"),

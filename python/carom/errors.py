@@ -176,7 +176,7 @@ def did_you_mean(name: str, known: Sequence[str]) -> str:
 
 def _in_a_list(name: str) -> str:
     """A name in quotes where it could be taken for several."""
-    return quoted(name) if "," in name or " " in name else name
+    return quoted(name) if "," in name else name
 
 
 #: Names that are searched and shown where there are very many.
