@@ -528,14 +528,17 @@ impl Simulation {
         let mut cures = cures(&self.model.options, contacts, residual);
         let pairs = self.failed.iter().flat_map(|f| &f.bodies);
         let balls = pairs.flat_map(|&(a, b)| [a as usize, b as usize]);
-        let masses = balls.filter(|&i| i < self.model.bodies()).map(|i| self.model.mass[i]);
+        let masses = balls
+            .filter(|&i| i < self.model.bodies())
+            .map(|i| self.model.mass[i]);
         let [least, most] = masses.fold([f64::INFINITY, 0.0], |[least, most], m| {
             [least.min(m), f64::max(most, m)]
         });
         if most > UNLIKE * least {
+            let by = told(most / least);
             cures = format!(
-                "its masses differ by a factor of {}: make the heavy one lighter, and press by a force in place of weight",
-                told(most / least)
+                "masses in it differ by a factor of {by}, which may be why: make the heavy one lighter, or press by a force \
+                 in place of its weight; else {cures}"
             );
         }
         if self.model.deformation.is_some() {

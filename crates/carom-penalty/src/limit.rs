@@ -26,6 +26,10 @@ impl Pair {
         shortest: f64,
         most: f64,
     ) -> f64 {
+        // Its wall has been taken away: `follow` opens it.
+        if self.gap == f64::INFINITY {
+            return f64::INFINITY;
+        }
         let (elastic, mut chi) = (&laws.elastic, self.constants.damping);
         let (speed, free) = if self.closed {
             (self.closing_speed(bodies), 0.0)
@@ -69,6 +73,9 @@ impl Pair {
     #[inline]
     fn flight(&self, bodies: &Bodies, most: f64) -> (f64, f64) {
         let s = self.fastest_closing(bodies);
+        if self.gap <= 0.0 {
+            return (s, 0.0);
+        }
         let (a, b) = (self.a as usize, self.b as usize);
         let between = bodies.acceleration[a] - bodies.acceleration[b];
         if b < bodies.position.len() {
@@ -117,18 +124,30 @@ impl Pair {
         if b < bodies.position.len() || (self.hollow == 0.0 && self.driven.is_none()) {
             return by_loads.max(0.0);
         }
-        let (way, turning) = self.along_wall(bodies);
+        let v = bodies.motion[self.a as usize][0];
         let hollow = self.hollow.min(1.0 / (FILLS * self.length));
-        (by_loads + turning + hollow * way * way).max(0.0)
+        let bend = |u: DVec3| {
+            let across = u - u.dot(self.normal) * self.normal;
+            hollow * (across.length_squared() - u.dot(self.flat).powi(2)).max(0.0)
+        };
+        let Some(slot) = self.driven else {
+            return (by_loads + bend(v)).max(0.0);
+        };
+        let x = bodies.position[a];
+        let mut most = 0.0;
+        for (k, here) in bodies.walls.twists_of(slot, x).into_iter().enumerate() {
+            let u = v - here.shape;
+            let there = bodies.walls.twists_of(slot, x + v + u)[k];
+            let turning = self.normal.dot(there.shape - here.shape);
+            most = f64::max(most, by_loads + bend(u) + turning);
+        }
+        most
     }
 }
 
 /// When `gap - s t - a t^2/2 = 0`, s, and at which speed, m/s.
 #[inline]
 fn meeting(gap: f64, s: f64, accel: f64) -> (f64, f64) {
-    if gap == f64::INFINITY {
-        return (s, gap);
-    }
     let hit = (s * s + 2.0 * accel * gap).sqrt();
     let free = if s > 0.0 {
         2.0 * gap / (s + hit)

@@ -168,14 +168,8 @@ impl Penalty {
                 self.merged.push(pair);
             }
             let known = old.next_if(|p| p.key() == key);
-            self.merged.push(known.unwrap_or_else(|| {
-                let mut new = Pair::new(model, &self.laws, &self.bodies, key, None);
-                // At the start of a run bodies may touch already.
-                if new.gap < 0.0 {
-                    new.close(&self.bodies);
-                }
-                new
-            }));
+            let new = || Pair::new(model, &self.laws, &self.bodies, key, None);
+            self.merged.push(known.unwrap_or_else(new));
         }
         self.merged.extend(old);
         std::mem::swap(&mut self.pairs, &mut self.merged);

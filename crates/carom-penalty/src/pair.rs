@@ -24,6 +24,9 @@ const OWN_APPROACH: f64 = 0.05;
 /// Share of a sphere's radius that is left between its centre and that of a hollow wall at least: one that fills it has no curvature.
 pub const FILLS: f64 = 1e-3;
 
+/// Cosine of the angle between the normals of a disc and at it (1) from which on its face is touched, and not its rim.
+const FLAT: f64 = 1.0 - 1e-9;
+
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
     pub a: u32,
@@ -119,6 +122,7 @@ impl Pair {
             driven_work: 0.0,
         };
         pair.place(model, &laws.elastic, bodies);
+        // At the start of a run bodies may touch already.
         if !pair.closed && pair.gap < 0.0 {
             pair.close(bodies);
         }
@@ -163,11 +167,14 @@ impl Pair {
 
     #[inline]
     fn bend(&mut self, shape: &Shape, met: &Proximity) {
-        if matches!(shape, Shape::HalfSpace { .. } | Shape::Rectangle(_)) {
-            return;
-        }
         // On the axis of what is round there is no direction, and no curvature is told.
+        let is_flat = match shape {
+            Shape::Ball(_) | Shape::Cylinder(_) | Shape::Cone(_) => false,
+            Shape::Disc(disc) => met.normal.dot(disc.normal).abs() > FLAT,
+            _ => true,
+        };
         self.hollow = match met.curvature {
+            0.0 if is_flat => 0.0,
             0.0 => f64::INFINITY,
             k => (-k).max(k * (met.flat.length_squared() - 1.0)).max(0.0),
         };

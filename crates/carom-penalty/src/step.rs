@@ -71,9 +71,9 @@ impl Stepper for Penalty {
 
     fn stored(&mut self, model: &Model, state: &State, scratch: &mut Scratch, time: f64) -> f64 {
         match self.begin_contacts(model, state, scratch, Span::new(time, 0.0)) {
-            Ok(_) => {
+            Ok(taken) => {
                 let pairs = self.pairs.iter();
-                pairs.map(|pair| pair.energy(&self.laws.elastic)).sum()
+                taken + (pairs.map(|pair| pair.energy(&self.laws.elastic))).sum::<f64>()
             }
             Err(_) => 0.0,
         }
@@ -116,7 +116,7 @@ impl Penalty {
         self.set_needs(model, |_, _| 0.0);
         self.refresh(model, &mut scratch.neighbours)?;
         self.take_pairs(model, scratch.neighbours.pairs());
-        self.check_laws()?;
+        self.check_laws(model)?;
         Ok(taken)
     }
 
@@ -162,16 +162,22 @@ impl Penalty {
         }
         if rebuilt {
             self.take_pairs(model, list.pairs());
-            self.check_laws()?;
+            self.check_laws(model)?;
         }
         Ok(rebuilt)
     }
 
-    fn check_laws(&self) -> Result<(), Failure> {
-        match self.pairs.iter().find(|p| p.closed && p.law.is_none()) {
-            Some(pair) => Err(Failure::MissingLaw(pair.a, pair.b)),
-            None => Ok(()),
+    /// What is closed has a law, whose restitution is one.
+    fn check_laws(&self, model: &Model) -> Result<(), Failure> {
+        for pair in self.pairs.iter().filter(|p| p.closed) {
+            let Some(law) = pair.law else {
+                return Err(Failure::MissingLaw(pair.a, pair.b));
+            };
+            if pair.constants.varies {
+                model.laws[law as usize].check_restitution(pair.key(), pair.damped_at)?;
+            }
         }
+        Ok(())
     }
 
     fn substep(
@@ -206,7 +212,7 @@ impl Penalty {
             closed |= pair.closed && !before;
         }
         if closed {
-            self.check_laws()?;
+            self.check_laws(model)?;
             self.join_collisions(model, dt);
         }
         timers.mark(Phase::Meet);

@@ -158,7 +158,9 @@ impl<'a> Judge<'a> {
         self.scaled.leave(y, &mut self.r);
         let given = natural::residual(self.source, &self.r, &mut self.u);
         let ran_away = share > EXPLAINED && share > RUNAWAY * scaled;
-        let scaled = if ran_away { share } else { scaled };
+        // No tolerance takes those that ran away.
+        let least = self.settings.tolerance * (1.0 + f64::EPSILON);
+        let scaled = if ran_away { share.max(least) } else { scaled };
         let err = scaled.max(given);
         if err < self.best_err {
             self.best_err = err;
