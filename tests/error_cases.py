@@ -35,6 +35,11 @@ PERIODIC = "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic =
 DEFORMED = "gravity = [0.0, 0.0, -9.8] -> gravity = [0.0, 0.0, -9.8]\nperiodic = [5.0, 5.0, 0.0]\ndeformation = {{ {0} }}"
 IN_RUN = 'step = 1e-3\nmethod = "{0}"\n\n[world]\n'
 SHEARED = DEFORMED.format('shear = { expression = "t" }, flow = "x", gradient = "y"')
+ATTRACTED = (
+    PERIODIC.format("5.0, 0.0, 0.0")
+    + '\n\n[[contact]]\nbetween = ["ball", "ball"]\nfriction = 0.1\nrestitution = 0.5\n'
+    + "cohesion = 0.1\nrupture_distance = 2.5\n"
+)
 STRETCHED = DEFORMED.format("stretch = [{0}, 1.0, 1.0]")
 
 STRAINED = (
@@ -337,8 +342,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("packing", PACKING + "diameter = 0.01\nmean = 0.1\nlow = [3,3,3]\nhigh = [4,4,4]\n")
     ],
     "... needs ...": [("packing", PACKING + "diameter = 0.01\nlow = [3,3,3]\n")],
-    "a period of ... m along ... is below ... radii of the largest ball": [
-        ("world.periodic", PERIODIC.format("0.1, 0.0, 0.0"))
+    "a period of ... m along ... is below ... radii of the largest ball...": [
+        ("world.periodic", PERIODIC.format("0.1, 0.0, 0.0")),
+        ("world.periodic", ATTRACTED),
     ],
     "neither stretch nor shear is given": [("world.deformation", DEFORMED.format(""))],
     "shear is given without ...": [
@@ -388,7 +394,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "balls that are joined do not go along with a periodic box that deforms": [
         ("joint", SHEARED + "\n\n" + ROD),
     ],
-    "shortens the period along ... to ... m at t = ... s, below ... radii of the largest ball": [
+    "shortens the period along ... to ... m at t = ... s, below ... radii of the largest ball...": [
         ("world.deformation", STRETCHED.replace("{0}", "{ table = [[0.0, 1.0], [0.5, 0.01]] }"))
     ],
     "... is not the same from period to period along ...": [("plane", PERIODIC.format("0.0, 0.0, 5.0"))],

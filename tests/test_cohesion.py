@@ -176,6 +176,32 @@ def test_across_a_periodic_box() -> None:
     assert x.sum() == pytest.approx(0.1 + 4e-4, abs=1e-15)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.45, 0.5])
+def test_in_a_periodic_box_all_images_together_attract(share: float) -> None:
+    """In the shortest period that is allowed, a ball gets the sum of the law over all images of the other."""
+    force, d, h = 0.02, 0.015, 1e-5
+    above = 2.1 * R if share < 0.3 else 0.0
+
+    def pair(length: float) -> carom.Result:
+        scene = carom.Scene(gravity=(0, 0, 0), periodic=(length, length, 0))
+        scene.contact("a", "a", friction=0.0, restitution=0.0, cohesion=force, rupture_distance=d)
+        scene.contact("a", "b", friction=0.0, restitution=0.0)
+        scene.sphere("a", radius=R, mass=M, material="a", at=(0, 0, 0))
+        scene.sphere("b", radius=R, mass=M, material="a", at=(share * length, 0.0, above))
+        scene.sphere("far", radius=0.5 * R, mass=M, material="b", at=(0, 0, 1.0))
+        return run(scene, h, step=h)
+
+    least = 4.1 * R + 2 * d
+    with pytest.raises(carom.CaromError, match="only the nearest image of a ball attracts"):
+        pair(0.999 * least)
+    result = pair(least)
+    images = [np.array((share + i, j, above / least)) * least for i in range(-3, 3) for j in range(-3, 4)]
+    away = [np.linalg.norm(x) for x in images]
+    want = sum(x / r * force * max(0.0, 1.0 - (r - 2 * R) / d) for x, r in zip(images, away, strict=True))
+    assert M * result.velocity[-1, 0] / h == pytest.approx(want, rel=1e-4, abs=1e-12)
+    assert audit.check(result).ok
+
+
 def test_energy_goes_with_a_ball_that_leaves() -> None:
     scene = carom.Scene(gravity=(0, 0, 0))
     scene.contact("a", "a", friction=0.0, restitution=0.0, cohesion=0.1, rupture_distance=1e-3)

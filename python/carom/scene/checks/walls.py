@@ -32,7 +32,8 @@ MOST = 20
 """Balls in walls that are listed; more say nothing new."""
 PERIOD = 4.1
 """A period is at least so many of the largest radii: with less, two balls could touch twice. The core asks for 4.08:
-four and the margin of its lists of pairs (`crates/carom-core/src/build/periodic.rs`).
+four and the margin of its lists of pairs (`crates/carom-core/src/build/periodic.rs`). Balls that attract have to be so far
+from a second image that none is within the distance, either (`_least_period`).
 """
 SIZES = (1e-75, 1e75)
 """Lengths of walls between these, m, have squares that are numbers, as in the core (`wall/check.rs`)."""
@@ -144,20 +145,22 @@ def check_periodic(parts: Parts) -> Iterator[Finding]:
     periods = parts.periods
     if periods is None or not any(periods):
         return
-    bodies = parts.bodies()
-    largest = float(bodies.radius.max(initial=0.0))
+    least, of_balls, why = _least_period(parts)
     for k, (length, time) in enumerate(least_lengths(parts)):
-        if not 0 < length < PERIOD * largest:
+        if not 0 < length < least:
             continue
-        cure = f"give at least {PERIOD * largest:g} m: with less, two balls could touch twice"
+        cure = f"give at least {least:g} m{why}"
         if time > 0:
             cause = (
                 f"shortens the period along {'xyz'[k]} to {length:g} m at t = {time:.4g} s,"
-                f" below {PERIOD:g} radii of the largest ball"
+                f" below {PERIOD:g} radii of the largest ball{of_balls}"
             )
             yield Finding(("world", "deformation", "stretch", k), cause, cure)
         else:
-            cause = f"a period of {length:g} m along {'xyz'[k]} is below {PERIOD:g} radii of the largest ball"
+            cause = (
+                f"a period of {length:g} m along {'xyz'[k]} is below"
+                f" {PERIOD:g} radii of the largest ball{of_balls}"
+            )
             yield Finding(("world", "periodic", k), cause, cure)
     axes = [k for k, period in enumerate(periods) if period > 0]
     for wall in parts.walls():
@@ -180,6 +183,28 @@ def check_periodic(parts: Parts) -> Iterator[Finding]:
                 yield Finding(
                     (wall.section, wall.index, "motion", key), cause, f"{cure}, or set that period to 0"
                 )
+
+
+def _least_period(parts: Parts) -> tuple[float, str, str]:
+    """The least length of a period, m, of which balls, and why: a pair touches, or attracts, one image of each other alone.
+
+    Images are no nearer to one another than the shortest period, at any shear; at half of it two of them are as near.
+    """
+    bodies = parts.bodies()
+    largest = float(bodies.radius.max(initial=0.0))
+    found = [(PERIOD * largest, "", ": with less, two balls could touch twice")]
+    names = parts.materials()
+    two = {name: np.sort(bodies.radius[bodies.material == k])[:-3:-1] for k, name in enumerate(names)}
+    for _, law in parts.contacts():
+        a, b = (two.get(name, bodies.radius[:0]) for name in law.between)
+        pair = a if law.between[0] == law.between[1] else np.append(a[:1], b[:1])
+        if law.cohesion and len(pair) == 2:
+            length = PERIOD * float(pair.mean()) + 2.0 * law.rupture_distance
+            of = " and ".join(quoted(name) for name in dict.fromkeys(law.between))
+            of_balls = f"s of {of} (their mean) and twice their rupture_distance"
+            why = ", or a shorter rupture_distance: only the nearest image of a ball attracts"
+            found.append((length, of_balls, why))
+    return max(found)
 
 
 def _axis(k: int) -> list[float]:
