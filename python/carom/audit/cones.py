@@ -151,12 +151,18 @@ def _regularised(block: Block) -> tuple[F64, F64]:
     run, c = block.run, block.rows
     if run.method != "penalty":
         return np.zeros(len(c)), np.zeros(len(c))
-    spin = np.maximum(norm(block.w0), norm(block.w1)) + recorded.pushes(block)[1] / run.inertia
-    fast = forces.speeds(block) + run.radius * spin
+    fast, spin = _within(block)
     halves = 4.0 * EPS * block.updates[c.k]
     return halves * forces.together(block, run.mass * fast), halves * forces.together(
         block, run.inertia * spin
     )
+
+
+def _within(block: Block) -> tuple[F64, F64]:
+    """(B, N) bounds on how fast surfaces go, m/s, and bodies spin, rad/s, within intervals."""
+    run = block.run
+    spin = np.maximum(norm(block.w0), norm(block.w1)) + recorded.pushes(block)[1] / run.inertia
+    return np.asarray(forces.speeds(block) + run.radius * spin), np.asarray(spin)
 
 
 @once
@@ -214,12 +220,10 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     left = left + np.where(block.large, floor(block, fastest), 0.0)[c.k]
     defects, bounds = [], []
     of_images = carried.image_speed(block, c.k, block.image(c.k, c.a, c.b))
-    # Loads are not solved again where their normals turned by next to nothing since.
-    speeds = np.maximum(norm(block.v0), norm(block.v1)) + run.radius * np.maximum(
-        norm(block.w0), norm(block.w1)
-    )
+    # Loads are not solved again where their normals turned by next to nothing since. Their impulses turn with these, what
+    # they hold does not: attraction, and the speeds before.
     share = 2.0 * KEPT * run.loosest["closing_tolerance_speed"] * run.loads_once
-    kept = share * forces.together(block, np.nan_to_num(speeds))
+    kept = share * forces.together(block, np.nan_to_num(_within(block)[0]))
     for part in forces.split(impulse, c.normal, block.start[1]):
         found = _rates(block, c.normal, part.lever)
         push = np.maximum(part.normal, 0.0)
@@ -323,7 +327,7 @@ def passivity(block: Block, tally: Tally) -> None:
     # Works of loads that are solved once are those along the mean of two normals, and along the last one they do none.
     turned = norm(c.impulse) * norm(c.normal - block.start[1]) * forces.together(block, forces.speeds(block))
     # So do loads of clumps, which act half-way.
-    spin = np.maximum(norm(block.w0), norm(block.w1)) + recorded.pushes(block)[1] / run.inertia
+    spin = _within(block)[1]
     turned = turned + norm(c.impulse) * forces.together(block, norm(flights.half_way(block)[:, :-1]) * spin)
     # Joints hold to the tolerance, and what they push against that is work.
     held = np.where(groups.held(block)[c.k, c.a], works.bound(block, c), 0.0)
