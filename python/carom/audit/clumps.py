@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, Bool
-from carom.audit import carried, clump_loads, flights, forces, gaps, groups, hits, recorded, rigid, turning
+from carom.audit import carried, closing, clump_loads, flights, forces, groups, hits, recorded, rigid, turning
 from carom.audit.block import Block, Rows, once
 from carom.audit.loads import of_loads, solved_again
 from carom.audit.motion import CONTACTS, RECORD, Ways, largest, rounding, untouched
@@ -197,7 +197,7 @@ class Laws:
         Those may take back what loads have turned it by, too, of which nothing is left on record: about that of its own.
         """
         clumps, run = self.clumps, self.block.run
-        own = run.h * clumps.mass * clumps.over(np.maximum, gaps.fall(self.block))
+        own = run.h * clumps.mass * clumps.over(np.maximum, closing.fall(self.block))
         found = np.where(self.touched, self._turned(own) / clumps.least, 0.0)
         if not run.joints:
             return found

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.arrays import F64, I64
-from carom.audit import answers, carried, cohesion, flights, forces, hits, loads_once
+from carom.arrays import F64
+from carom.audit import carried, forces, hits, loads_once
 from carom.audit.block import Block
+from carom.audit.closing import closing, fastest, given
 from carom.audit.cones import PARTS
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, deepest
@@ -104,7 +105,7 @@ def complementarity(block: Block, tally: Tally) -> None:
     ):  # loads press where the contact opens by less than they may bring back; positions keep the gap
         of_contacts = forces.of_contacts(block)
         moved = 0.5 * run.h * pushes(block)[0] + of_contacts.shift_size
-        fallen = np.concatenate([fall(block), _walls(block)], axis=1).max(axis=1)
+        fallen = given(block).max(axis=1)
         reach = forces.together(block, moved / run.mass) + 2.0 * run.h * fallen[c.k]
         # What an impact has taken all impulses from pushes no more.
         reach[norm(c.impulse) == 0.0] = np.inf
@@ -148,7 +149,7 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
     image = block.image(k, a, b, end=True)
     pairs = Pairs(a, b, block.t1[k], block.x1[k, a], normal, end=True, image=image)
     found = rates(run, pairs, motion, normal, normal)
-    fastest, of_box = _fastest(block), carried.of_block(block).velocity
+    of_box = carried.of_block(block).velocity
     left = block.left(norm(block.rows.impulse))[k] * 2.0 * compliance(run, a, b)[0]
     if (
         not run.has_contacts
@@ -174,75 +175,6 @@ def approach(block: Block, near: Near, tally: Tally) -> None:
             given = 8.0 * (block.tolerance * np.sqrt(np.nansum(pushed**2, axis=1)))[k]
             left = np.maximum(left, 2.0 * compliance(run, a, b)[0] * given)
     bound = closing(block, k, a, b) + left
-    bound = bound + 64.0 * EPS * (fastest[k] + carried.image_speed(block, k, image))
+    bound = bound + 64.0 * EPS * (fastest(block)[k] + carried.image_speed(block, k, image))
     tally.measure("approach", np.maximum(0.0, -found.normal), bound,
                   lambda i: block.place(int(k[i]), int(a[i]), int(b[i])))  # fmt: skip
-
-
-def closing(block: Block, k: I64, a: I64, b: I64, contacts: str = "largest_island") -> F64:
-    """(K,) closing tolerances of contacts, m/s (rule R3), in islands of at most as many `contacts` as steps say.
-
-    A share of the speed that loads give its own bodies in a step, or its wall, and at least `closing_tolerance_speed` of
-    the largest speed.
-    """
-    run, t = block.run, block.run.loosest
-    bodies, walls = fall(block), _walls(block)
-    every = np.concatenate([bodies, walls], axis=1)
-    own, all_of = np.maximum(bodies[k, a], every[k, run.given(b)]), every.max(axis=1)[k]
-    image = block.image(k, a, b)
-    # Images of all contacts of an island count, as walls do.
-    top, c = np.zeros(block.count), block.rows
-    np.maximum.at(top, c.k, carried.image_speed(block, c.k, block.image(c.k, c.a, c.b)))
-    np.maximum.at(top, k, carried.image_speed(block, k, image))
-    own = np.maximum(own, norm(carried.image_change(block, k, image)))
-    all_of = np.maximum(all_of, top[k])
-    largest = block.over(run.steps[contacts])[k]
-    by_speed = t["closing_tolerance_speed"] * np.maximum(_fastest(block)[k], all_of)
-    return np.asarray(np.maximum(run.load_share(largest) * own, by_speed))
-
-
-def _fastest(block: Block) -> F64:
-    """(B,) largest `|v| + r |w|` of a body or clump at either end, m/s."""
-    speed = np.maximum(
-        norm(block.v0) + block.run.radius * norm(block.w0), norm(block.v1) + block.run.radius * norm(block.w1)
-    )
-    found = np.nan_to_num(speed).max(axis=1)
-    for rows in (block.c0, block.c1):
-        fast = norm(rows[..., 7:10]) + block.run.clumps.reach * norm(rows[..., 10:])
-        found = np.maximum(found, np.nan_to_num(fast).max(axis=1, initial=0.0))
-    return np.asarray(found)
-
-
-def fall(block: Block) -> F64:
-    """(B, N) speed that weight and other loads give each body in a step, m/s."""
-    run = block.run
-    weight = np.full((block.count, run.bodies), float(norm(run.gravity)) * run.h)
-    weight += flights.speeds_of_turning(block) + norm(carried.of_block(block).velocity)
-    if not run.loads and not run.joints:
-        return weight
-    given = of_loads(block)
-    of_box = run.mass[:, None] * carried.of_block(block).velocity
-    pushed = norm(given.impulse[..., :3] - of_box) + given.slack[..., 0]
-    if run.clumps:  # a moment moves what is far from the centre
-        first = run.clumps.first
-        pushed[:, first] += (norm(given.impulse[:, first, 3:]) + given.slack[:, first, 1]) / run.clumps.reach
-        run.clumps.share(np.maximum, pushed)
-    walls = slice(run.balls, None)  # whose forces may cancel over several steps
-    pushed[:, walls] = np.maximum(pushed[:, walls], given.spread[:, walls, 0])
-    pushed = pushed / run.mass / np.maximum(block.n, 1)[:, None]
-    if run.joints and run.has_contacts:
-        # What joints answer to contacts is in their reactions, and may cancel what they give by themselves.
-        alone = norm(answers.before_contacts(block)[..., :3] - block.v0)
-        pushed = np.where(block.single[:, None], np.maximum(pushed, alone), pushed)
-    return np.asarray(weight + pushed + run.h * cohesion.most(block) / run.mass)
-
-
-def _walls(block: Block) -> F64:
-    """(B, W) change of each moving wall's velocity in a step, m/s."""
-    run, found = block.run, np.zeros((block.count, block.run.given_walls))
-    for w, wall in enumerate(run.walls[: run.given_walls]):
-        if wall.travels:
-            p = np.broadcast_to(wall.point, (block.count, 3))
-            before = wall.velocity(block.t1 - run.h, p)[1]
-            found[:, w] = norm(wall.velocity(block.t1, p, end=True)[1] - before)
-    return found

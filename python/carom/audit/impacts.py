@@ -14,8 +14,8 @@ from carom.arrays import F64, I64
 from carom.audit import answers, bounds, carried, flights, forces, groups, hits, loads_once, recorded, replay
 from carom.audit.block import Block
 from carom.audit.centres import at_walls
+from carom.audit.closing import closing
 from carom.audit.cones import struck
-from carom.audit.gaps import closing
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally

@@ -10,11 +10,11 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit import carried, clump_loads, wrenches
 from carom.audit.block import Block, once
-from carom.audit.cohesion import on_bodies
+from carom.audit.cohesion import on_bodies, pulls
 from carom.audit.corrections import corrections
 from carom.audit.forces import curvature, ends, of_contacts, together
 from carom.audit.recorded import shifts, strokes
-from carom.audit.vectors import cross, norm, unit
+from carom.audit.vectors import add_at, cross, norm, unit
 
 
 @dataclass
@@ -24,6 +24,8 @@ class Loads:
     impulse: F64
     slack: F64
     """(B, N, 2) what the impulse and the angular impulse may be off, N s and N m s."""
+    size: F64
+    """(B, N, 2) sums of the sizes of what all loads and joints give, which may cancel: velocities have their rounding."""
     spread: F64
     """(B, N, 2) sums over the steps of the sizes of impulses of given forces and moments, which may cancel in their sum."""
     varied: F64
@@ -57,12 +59,12 @@ def of_loads(block: Block) -> Loads:
     run = block.run
     shape = (block.count, run.bodies)
     six, two = (*shape, 6), (*shape, 2)
-    impulse, slack, spread, varied, shift, shift_slack, shift_held = (
-        np.zeros(s) for s in (six, two, two, two, six, two, two)
+    impulse, slack, size, spread, varied, shift, shift_slack, shift_held = (
+        np.zeros(s) for s in (six, two, two, two, two, six, two, two)
     )
     unknown = np.zeros(shape, dtype=bool)
     held = shift_held, np.zeros(shape)
-    found = Loads(impulse, slack, spread, varied, shift, shift_slack, *held, unknown, impulse, slack)
+    found = Loads(impulse, slack, size, spread, varied, shift, shift_slack, *held, unknown, impulse, slack)
     for load in run.loads:
         if load["kind"] == "force":
             _applied(block, load, found)
@@ -75,6 +77,8 @@ def of_loads(block: Block) -> Loads:
     of_box = carried.of_block(block)
     found.impulse[..., :3] += run.mass[:, None] * of_box.velocity
     found.slack[..., 0] += run.mass * of_box.slack
+    found.size[..., 0] += run.mass * norm(of_box.velocity)
+    found.size += found.spread
     # What contacts move a body by within several steps is way against the flow, too.
     moved = strokes(block)[0] * block.dt[:, None] + run.mass * shifts(block)[0]
     several = np.where(block.single, 0.0, carried.jolted(block))[:, None] * moved
@@ -142,6 +146,10 @@ def _ways_of_walls(block: Block, out: Loads) -> None:
 def _cohesion(block: Block, out: Loads) -> None:
     """Attraction of pairs: known from the frame before a whole step."""
     impulse, slack = on_bodies(block)
+    (pairs, _, each, _), bodies = pulls(block), block.run.bodies
+    for body in (pairs.a, pairs.b):
+        mine = body < bodies
+        add_at(out.size[..., 0], (pairs.k[mine], body[mine]), norm(each[mine]))
     way, mass = 0.5 * block.dt[:, None], block.run.mass
     out.impulse[..., :3] += impulse
     out.slack[..., 0] += slack
@@ -157,6 +165,7 @@ def _of_motion(block: Block, load: dict[str, Any], out: Loads) -> None:
     for node, (mean, slack) in clump_loads.of_motion(block, load).items():
         scale = np.array([run.heavy[node], run.node_inertia[node]])
         out.impulse[:, node] += mean
+        out.size[:, node] += wrenches.sizes(mean)
         out.slack[:, node] += slack
         out.shift[:, node] += 0.5 * mean * dt / np.repeat(scale, 3)
         out.shift_slack[:, node] += slack * dt / scale
@@ -183,6 +192,7 @@ def _joints(block: Block, out: Loads) -> None:
             node = int(run.node[body])
             mean, slack = clump_loads.reaction(block, j, given[:, j], body, arm)
             out.impulse[:, node] += sign * mean
+            out.size[:, node] += wrenches.sizes(mean)
             out.slack[:, node] += slack
             reach = norm(wrenches.lever(block, body, arm, 1))
             size, couple = norm(given[:, j, :3]), norm(given[:, j, 3:])

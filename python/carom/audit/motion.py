@@ -24,7 +24,7 @@ from carom.arrays import F64, I64, Bool
 from carom.audit import answers, carried, forces, loads_once, recorded, rigid
 from carom.audit.block import Block
 from carom.audit.centres import passed_half_way, ways_half_way
-from carom.audit.cohesion import pulls
+from carom.audit.cohesion import on_bodies, pulls
 from carom.audit.cones import PARTS
 from carom.audit.forces import Sums
 from carom.audit.loads import Loads, of_loads, solved_again
@@ -162,7 +162,7 @@ def _momenta(block: Block, s: Sums, loads: Loads) -> F64:
     m = block.run.mass
     weight = m * norm(block.run.falls) * block.dt[:, None]
     ends = m * (norm(block.v0) + norm(block.v1))
-    return np.asarray(ends + weight + norm(loads.impulse[..., :3]) + s.size + largest(block))
+    return np.asarray(ends + weight + loads.size[..., 0] + s.size + largest(block))
 
 
 def _recorded_on_walls(block: Block) -> F64 | None:
@@ -184,14 +184,15 @@ def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) ->
     if given is None or not run.free_walls:
         return np.zeros((block.count, len(run.free_walls)), dtype=bool)
     judged = known[:, run.balls :] & block.kept[:, None]
+    attracted = on_bodies(block)[0]  # which the impulse on the wall has
     for w, wall in enumerate(run.free_walls):
         body, m = run.balls + w, wall.mass
         speeds = block.v0[:, body] @ wall.normal, block.v1[:, body] @ wall.normal
         of_contacts = given[:, w, :3] @ wall.normal
-        of_load = loads.impulse[:, body, :3] @ wall.normal
+        of_load = (loads.impulse[:, body, :3] - attracted[:, body]) @ wall.normal
         weight = m * float(run.falls[body] @ wall.normal) * block.dt
         value = np.abs(m * (speeds[1] - speeds[0]) - weight - of_load - of_contacts)
-        size = m * (np.abs(speeds[0]) + np.abs(speeds[1])) + np.abs(weight) + loads.spread[:, body, 0]
+        size = m * (np.abs(speeds[0]) + np.abs(speeds[1])) + np.abs(weight) + loads.size[:, body, 0]
         bound = rounding(block)[:, body] * (size + norm(given[:, w, :3])) + loads.slack[:, body, 0]
         tally.measure("momentum", value, bound, partial(_of_wall, block, body), judged[:, w])
     return judged
@@ -203,7 +204,7 @@ def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touche
     given = loads.impulse[..., 3:]
     change = inertia * (block.w1 - block.w0) - given
     value = np.minimum(*(norm(change - moment) for moment in s.moments))
-    size = inertia[:, 0] * (norm(block.w0) + norm(block.w1)) + norm(given) + s.moment_size
+    size = inertia[:, 0] * (norm(block.w0) + norm(block.w1)) + loads.size[..., 1] + s.moment_size
     # Moments that cancel in the sweeps over a contact were as large as those of the weight.
     size = size + np.where(touched, run.radius * run.mass * norm(run.gravity), 0.0) * block.dt[:, None]
     size = size + np.where(touched, run.radius * largest(block), 0.0)

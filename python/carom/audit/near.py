@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import carried, cohesion, drift
+from carom.audit import carried, closing, cohesion, drift
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
 from carom.audit.forces import fastest
@@ -219,8 +219,8 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     ones where contacts were not recorded.
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
     end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. What closes more
-    slowly than the closing tolerance (rule R3) is left alone in each step, and adds up; so does what curved walls add to
-    overlaps (`drift`). Penalty: the
+    slowly than the closing tolerance (rule R3) is left alone in each step, and adds up (`closing.left`); so does what curved
+    walls add to overlaps (`drift`). Penalty: the
     elastic energy `K d^(n+1)/(n+1)` is at most the largest kinetic energy of the run; twice the indentation under the
     whole weight comes on top.
     """
@@ -234,14 +234,12 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
         return np.asarray(_compressed(run, a, b) + rounding)
     t = run.loosest
     if run.method == "moreau" and not run.options["position_projection"]:
-        share, slow = float(run.load_share(np.array([np.inf]))[0]), t["closing_tolerance_speed"]
-        left = np.maximum(share * norm(run.gravity) * run.h, slow * run.top_speeds.max(initial=0.0))
         of_image = run.h * carried.image_speed(block, k, block.image(k, a, b))
         bent = np.zeros(len(k))
         for w, grown in drift.of_run(run).items():
             mine = b == run.bodies + w
             bent[mine] = grown[block.first + k[mine], a[mine]]
-        return np.asarray(_way(run, a, b) + of_image + block.s1[k] * run.h * left + bent + rounding)
+        return np.asarray(_way(run, a, b) + of_image + closing.left(run)[block.first + k] + bent + rounding)
     many = block.piled[k]
     known = block.kept[k] & run.has_contacts
     many |= block.large[k] & ~known
