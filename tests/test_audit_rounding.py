@@ -121,6 +121,22 @@ def test_what_sticks_by_cohesion_is_held_where_its_loads_were_solved(step: float
         assert np.linalg.norm(slip) < 2e-7 * 2.0 * pressed / m
 
 
+@pytest.mark.filterwarnings("ignore:energy rose")
+def test_balls_of_moreau_that_a_force_presses_are_right() -> None:
+    """They move by the mean of velocities, in which the force works with what solvers leave."""
+    scene = carom.Scene("column", gravity=(0, 0, 0))
+    for other in ("a", "w"):
+        scene.contact("a", other, friction=0.3, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    for k in range(3):
+        scene.sphere(f"b{k}", radius=0.005, mass=1e-3, material="a", at=(0, 0, 0.005 + 0.01 * k))
+    scene.load(on="b2", force=(0, 0, -3.0))
+    report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.1, method="moreau"))
+    assert report.ok, report.findings
+    assert report["energy rise"].judged
+    assert report["penetration"].judged
+
+
 def lid(count: int, force: object, **law: float) -> carom.Scene:
     """Balls without weight between a floor and a free plane."""
     scene = carom.Scene("lid", gravity=(0, 0, 0), run={"step": 1e-3, "until": 0.1}, record={"every": 1})

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, box_energy, cohesion, flights, groups, reactions, rigid, turning
+from carom.audit import answers, box_energy, cohesion, flights, groups, reactions, rigid, turning, wrenches
 from carom.audit.block import Block, Rows, once
 from carom.audit.centres import at_walls, half_way
 from carom.audit.cones import PARTS
@@ -30,7 +30,6 @@ from carom.audit.near import Near, stiffness
 from carom.audit.recorded import pushes
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
-from carom.audit.wrenches import remembered
 from carom.result.remarks import RISE_PILE
 from carom.scene.tables.options import loads_once, stepping
 
@@ -355,7 +354,7 @@ def rises(run: Run, tally: Tally) -> None:
     position correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
     `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10),
     less for a clump of one ball that rolls (`turning.rolled`); of the force on a free wall that times the way of the wall.
-    Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a free wall, times all impulses that loads and motion can give, for it moves
+    Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a given force, times all impulses that loads and motion can give, for it moves
     bodies by the mean of velocities. Penalty: what its integration swings by, `(pi/resolution)^2/4`. Works of moving walls
     are exact for constant velocities, else off by the share by which these change in the step; those of springs, drag and
     joints by the change of power within it, which the second difference of the kinetic energy shows, and by those of the
@@ -390,9 +389,11 @@ def rises(run: Run, tally: Tally) -> None:
         way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
         bound = bound + np.where(s["contacts"] > 0, force * way, 0.0)
     if run.method == "moreau":
-        of_walls = (force / wall.mass for force, wall in zip(pressed, run.free_walls, strict=True))
-        pull = np.max([np.full(len(motion), g), *of_walls], axis=0)
-        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(pressed)) * h
+        loads = [load for load in run.loads if load["kind"] == "force"]
+        forces = [norm(wrenches.at_steps(run, tuple(load["force"]))[1:]) for load in loads]
+        each = (force / run.heavy[run.node[load["body"]]] for force, load in zip(forces, loads, strict=True))
+        pull = np.max([np.full(len(motion), g), *each], axis=0)
+        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(forces)) * h
         bound = bound + 0.5 * h * pull * given
     if run.method == "penalty":
         # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
@@ -419,10 +420,10 @@ def _answered(run: Run) -> F64:
     found = np.zeros(len(kinetic) - 1)
     if run.joints or run.loads:
         second = np.pad(np.abs(np.diff(kinetic, n=2)), 1, mode="edge" if len(kinetic) > 2 else "constant")
-        found = found + remembered(run, np.maximum(second[1:], second[:-1]))
+        found = found + wrenches.remembered(run, np.maximum(second[1:], second[:-1]))
         motion = np.maximum(kinetic[1:], kinetic[:-1])
         jump = np.where(run.steps["impact_problems"] > 0, h * motion * _grip(run), 0.0)
-        found = found + 2.0 * (jump + remembered(run, np.concatenate([[0.0], jump[:-1]])))
+        found = found + 2.0 * (jump + wrenches.remembered(run, np.concatenate([[0.0], jump[:-1]])))
     if run.joints:
         found = found + reactions.unsteady(run)
     return found
