@@ -115,7 +115,9 @@ def test_whichever_call_of_a_step_fails_the_state_is_that_of_the_step_before(met
             sim.step(1)
         assert all(np.array_equal(restored[key], value) for key, value in sim.state().items())
     sim.step(1)
-    again = {key: value for key, value in sim.state().items() if "monitor" not in key}  # totals begin at `restore`
+    again = {
+        key: value for key, value in sim.state().items() if "monitor" not in key
+    }  # totals begin at `restore`
     assert all(np.array_equal(good[key], value) for key, value in again.items())
 
 

@@ -440,7 +440,7 @@ impl Outcome {
                 "the step is far too long for the speeds: spheres travel radii per step; take a smaller step"
             }
             (Failure::TooManySubsteps, _) => {
-                "the contacts are far too stiff for the step; take a shorter step, a lower stiffness or resolution"
+                "the contacts are far too stiff for the step, or begin far in one another; take a shorter step, a lower stiffness or resolution"
             }
             (Failure::TooManyEvents(..), _) => {
                 "impacts follow one another without end: look at these bodies, or take method = \"nsga\""

@@ -367,7 +367,8 @@ def rises(run: Run, tally: Tally) -> None:
     kinetic, potential, gained = s["energy_kinetic"], s["energy_potential"], s["energy_work"] + s["energy_in"]
     if not len(kinetic):
         return
-    known = run.frames and int(run.step[0]) == 0
+    # What its springs store at the start is in no frame of `penalty`.
+    known = run.frames and int(run.step[0]) == 0 and run.method != "penalty"
     before = np.array(_at_start(run) if known else (kinetic[0], potential[0] - (gained - s["energy_out"])[0]))
     kinetic, potential = np.append(before[0], kinetic), np.append(before[1], potential)
     rise = np.diff(kinetic + potential) - (gained - s["energy_out"])

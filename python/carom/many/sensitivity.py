@@ -42,7 +42,7 @@ PLACES = (1.0, -1.0, 0.5, -0.5)
 ENOUGH = 1e-10
 OTHER = "other events follow: a hit grazes, two happen at one time, or a ball that lies still begins to move"
 OF_A_FUNCTION = "let a function build the scene, and name its argument"
-PRESS, SPIN_ENDS = (Transitions.EVENTS.index(event) for event in ("press", "spin ends"))
+PRESS, RELEASE, SPIN_ENDS = (Transitions.EVENTS.index(event) for event in ("press", "release", "spin ends"))
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def sensitivity(
     if not batch.ok.all():
         raise CaromError(f"sensitivity: the shot itself fails ({batch.outcome[0]}): {batch.message[0]}")
     events = _events(batch)[0]
-    if any(row[0] == PRESS for row in events):
+    if any(row[0] in (PRESS, RELEASE) for row in events):
         _refuse_steps(batch, start({})[1])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CaromWarning)  # the shot itself has told
@@ -215,11 +215,19 @@ def _bodies(scene: Scene) -> list[str]:
 
 def _refuse_steps(batch: Batch, bodies: Sequence[str]) -> NoReturn:
     """Raise for a shot of which a part is computed in steps: name who was the first to need them."""
-    first = int(np.argmax(batch.transitions["kind"] == PRESS))
-    a, b = (quoted(bodies[i]) for i in batch.transitions["body"][first])
+    first = int(np.argmax(np.isin(batch.transitions["kind"], (PRESS, RELEASE))))
+    a, b = batch.transitions["body"][first]
+    from_then = batch.transitions["kind"][first] == PRESS
+    press = (
+        f"{quoted(bodies[a])} and {quoted(bodies[b])} press one another"
+        if b >= 0
+        else f"{quoted(bodies[a])} is pressed"
+    )
+    time = f"t = {batch.transitions['time'][first]:.6g} s"
+    when = f"from {time} on" if from_then else f"until {time}"
     raise CaromError(
-        f"sensitivity: from t = {batch.transitions['time'][first]:.6g} s on {a} and {b} press one another, as on a slope"
-        " or in a pile; method events makes steps then, and what steps compute has no exact derivative"
+        f"sensitivity: {when} {press}, as on a slope or in a pile; method"
+        " events makes steps then, and what steps compute has no exact derivative"
     )
 
 

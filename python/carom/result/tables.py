@@ -471,7 +471,9 @@ class Outcome:
         if self.bodies:
             names = list(dict.fromkeys(self.bodies))
             parts.append(("between " if len(names) > 1 else "at ") + " and ".join(names))
-        if self.residual is not None and not math.isnan(self.residual):  # of what was refused before it was solved
+        if self.residual is not None and not math.isnan(
+            self.residual
+        ):  # of what was refused before it was solved
             parts.append(f"(residual {self.residual:.3g})")
         if self.message:
             parts.append(f"({self.message})")
