@@ -1,4 +1,4 @@
-"""Penalty: contacts that there are at the start, walls that are flat or turn in themselves, balls that fill what is hollow."""
+"""Penalty: contacts that there are at the start, flat walls, walls that turn in themselves, balls that fill hollows."""
 
 from __future__ import annotations
 

@@ -471,9 +471,8 @@ class Outcome:
         if self.bodies:
             names = list(dict.fromkeys(self.bodies))
             parts.append(("between " if len(names) > 1 else "at ") + " and ".join(names))
-        if self.residual is not None and not math.isnan(
-            self.residual
-        ):  # of what was refused before it was solved
+        # Of what was refused before it was solved it is no number.
+        if self.residual is not None and not math.isnan(self.residual):
             parts.append(f"(residual {self.residual:.3g})")
         if self.message:
             parts.append(f"({self.message})")
