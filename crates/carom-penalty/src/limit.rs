@@ -82,7 +82,11 @@ impl Pair {
             // The distance of centres is convex in time for straight motion: gap(t) >= gap - s t - a t^2/2.
             return meeting(self.gap, s, between.length());
         }
-        let (way, turning) = self.along_wall(bodies);
+        let (mut way, mut turning) = (0.0f64, 0.0f64);
+        for [u, turns] in self.against_wall(bodies) {
+            (way, turning) = (way.max(self.bent(u)), turning.max(turns.length()));
+        }
+        let way = way.sqrt();
         let accel = (turning - self.normal.dot(between)).max(0.0);
         if self.hollow == 0.0 {
             return meeting(self.gap, s, accel);
@@ -96,24 +100,29 @@ impl Pair {
         meeting(self.gap, share * s, bend * way * way + share * accel)
     }
 
-    /// Speed at which the centre moves along a wall whose hollow it can meet, m/s, and acceleration by the wall's turning, m/s^2.
+    /// Velocity of the centre against its wall, m/s, and acceleration of the wall there by its turning, m/s^2: at both times for which its motion is known.
     #[inline]
-    fn along_wall(&self, bodies: &Bodies) -> (f64, f64) {
-        let v = bodies.motion[self.a as usize][0];
-        let of = |u: DVec3| (u.length_squared() - u.dot(self.flat).powi(2)).max(0.0);
+    fn against_wall(&self, bodies: &Bodies) -> [[DVec3; 2]; 2] {
+        let (v, x) = (
+            bodies.motion[self.a as usize][0],
+            bodies.position[self.a as usize],
+        );
         let Some(slot) = self.driven else {
-            return (of(v).sqrt(), 0.0);
+            return [[v, DVec3::ZERO]; 2];
         };
-        let (walls, x) = (&bodies.walls, bodies.position[self.a as usize]);
-        let (mut way, mut turning) = (0.0f64, 0.0f64);
-        for (k, here) in walls.twists_of(slot, x).into_iter().enumerate() {
-            let u = v - here.shape;
-            way = way.max(of(u));
+        let here = bodies.walls.twists_of(slot, x);
+        std::array::from_fn(|k| {
+            let u = v - here[k].shape;
             // A twist is linear in the point: omega x (v + u).
-            let there = walls.twists_of(slot, x + v + u)[k];
-            turning = turning.max((there.shape - here.shape).length());
-        }
-        (way.sqrt(), turning)
+            let there = bodies.walls.twists_of(slot, x + v + u)[k];
+            [u, there.shape - here[k].shape]
+        })
+    }
+
+    /// Square of a velocity, m^2/s^2, without its part along which the wall is straight.
+    #[inline]
+    fn bent(&self, u: DVec3) -> f64 {
+        (u.length_squared() - u.dot(self.flat).powi(2)).max(0.0)
     }
 
     /// Acceleration by which loads, and the bend of a hollow wall, press the pair together, m/s^2; 0 if they pull it apart.
@@ -124,24 +133,12 @@ impl Pair {
         if b < bodies.position.len() || (self.hollow == 0.0 && self.driven.is_none()) {
             return by_loads.max(0.0);
         }
-        let v = bodies.motion[self.a as usize][0];
         let hollow = self.hollow.min(1.0 / (FILLS * self.length));
-        let bend = |u: DVec3| {
+        let by_wall = |[u, turning]: [DVec3; 2]| {
             let across = u - u.dot(self.normal) * self.normal;
-            hollow * (across.length_squared() - u.dot(self.flat).powi(2)).max(0.0)
+            by_loads + hollow * self.bent(across) + self.normal.dot(turning)
         };
-        let Some(slot) = self.driven else {
-            return (by_loads + bend(v)).max(0.0);
-        };
-        let x = bodies.position[a];
-        let mut most = 0.0;
-        for (k, here) in bodies.walls.twists_of(slot, x).into_iter().enumerate() {
-            let u = v - here.shape;
-            let there = bodies.walls.twists_of(slot, x + v + u)[k];
-            let turning = self.normal.dot(there.shape - here.shape);
-            most = f64::max(most, by_loads + bend(u) + turning);
-        }
-        most
+        (self.against_wall(bodies).map(by_wall).into_iter()).fold(0.0, f64::max)
     }
 }
 

@@ -166,7 +166,7 @@ def reaction(block: Block, j: int, given: F64, body: int, arm: Any) -> tuple[F64
     node = int(run.node[joint["a"]])
     # Reactions of the smooth motion and of impacts are solved to the tolerance; those that hardly act against all others of
     # their bodies.
-    own = _reacted(run)[block.first : block.first + block.count, node] + _struck(block)[:, node]
+    own = _reacted(run)[node][block.first : block.first + block.count] + _struck(block)[:, node]
     solved = 4.0 * block.tolerance * (own + run.heavy.max() * norm(run.gravity) * run.h)
     lever = wrenches.lever(block, body, arm, 1)
     reach = norm(lever)
@@ -176,19 +176,20 @@ def reaction(block: Block, j: int, given: F64, body: int, arm: Any) -> tuple[F64
 
 
 @once
-def _reacted(run: Run) -> F64:
-    """(F, N) the largest reactions up to each frame of all joints together that hold each body, N s. In trusses that can be
-    stressed without loads, or nearly so, those of the smooth motion and of impacts cancel in the record, and what is left
-    of a stress fades over many steps: how large it was is seen where it arose.
+def _reacted(run: Run) -> dict[int, F64]:
+    """By bodies (F,) the largest reactions up to each frame of all joints together that hold them, N s. In trusses that may
+    be stressed without loads, or nearly so, those of the smooth motion and of impacts cancel in the record, and what is
+    left of a stress fades over many steps: how large it was is seen where it arose.
     """
-    found, every = np.zeros((run.frames, run.bodies)), np.zeros((run.frames, len(run.joints)))
+    found: dict[int, F64] = {}
+    every = np.zeros((run.frames, len(run.joints)))
     radii = np.array([run.radius[run.node[joint["a"]]] for joint in run.joints])
     for k in range(0, run.frames, MANY):
         given = np.nan_to_num(run.result.joint_impulse[k : k + MANY])
         every[k : k + MANY] = norm(given[..., :3]) + norm(given[..., 3:]) / radii
     for bodies, joints in wrenches.groups(run):
         mine = [any(joint is one for one in joints) for joint in run.joints]
-        found[:, bodies] = np.maximum.accumulate(every[:, mine].sum(axis=1))[:, None]
+        found |= dict.fromkeys(map(int, bodies), np.maximum.accumulate(every[:, mine].sum(axis=1)))
     return found
 
 
