@@ -20,38 +20,19 @@ Bounds: `bounds`.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, bounds, carried, compression, flights, forces, loads_once, turning, works
+from carom.audit import bounds, compression, loads_once, works
 from carom.audit.block import Block
-from carom.audit.centres import at_walls
-from carom.audit.cohesion import on_bodies
 from carom.audit.cones import KEPT, opposed, turned
-from carom.audit.hits import Hits, after_cut, groups, pairs, place
-from carom.audit.loads import of_loads, turned_loads
-from carom.audit.rates import Pairs, Rates, compliance, rates
+from carom.audit.hits import Hits, groups, pairs, place
+from carom.audit.loads import turned_loads
+from carom.audit.rates import Rates
+from carom.audit.replay_energy import Energy
+from carom.audit.replay_motion import Told
 from carom.audit.report import Tally
-from carom.audit.vectors import EPS, across, add_at, cross, dot, norm
-
-
-class Told(NamedTuple):
-    """What a law says of some rows, ascending, or of the problem of one of them: how far off they are, and the bound."""
-
-    rows: I64
-    value: F64
-    bound: F64
-
-    def of(self, chosen: Bool | I64) -> Told:
-        """Some of them."""
-        return Told(self.rows[chosen], self.value[chosen], self.bound[chosen])
-
-    @property
-    def blamed(self) -> I64:
-        """The rows that are off by more."""
-        return self.rows[~(self.value <= self.bound)]
+from carom.audit.vectors import EPS, across, dot, norm
 
 
 def judge(block: Block, tally: Tally, r: Hits, kept: Bool, group: I64) -> None:
@@ -126,126 +107,20 @@ def _better(one: Told, other: Told, again: I64) -> Told:
     return Told(*(np.concatenate(part) for part in zip(mine, theirs, strict=True)))
 
 
-class Replay:
-    """The impact problems of all whole steps of a block, problem after problem: islands of a step share no bodies.
-
-    Rows are in the order of their problems. `end` (K,): tangential rows in the frame of `t_{n+1}`, and not in that of `t_n`.
-    Motions are (B N, 6), velocity and angular velocity of each body in each interval.
-    """
+class Replay(Energy):
+    """Newton's law and its neighbours, problem after problem; `asked`: see `compression.of_rows`."""
 
     def __init__(
         self, block: Block, r: Hits, kept: Bool, end: Bool, asked: tuple[Bool, compression.Compression | None]
     ) -> None:
-        self.block, self.r, self.kept = block, r, kept
-        self.told: dict[str, list[Told]] = {}
-        #: The first impact problem drops what joints and loads answered to the loads; springs and Poisson's law add to it.
-        self.anew = block.run.impact_law.restitution not in ("energetic", "poisson")
-        self.work = np.zeros((len(r), 4))
-        self.spent = np.zeros(block.count)
+        super().__init__(block, r, kept, end)
         run = block.run
-        self.inertia = np.tile(
-            np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1), (block.count, 1)
-        )
-        self.answers, every = answers.of_block(block), np.arange(block.count)
-        self.old, self.now = (
-            np.concatenate(ends, axis=-1).reshape(-1, 6)
-            for ends in ((block.v0, block.w0), (block.v1, block.w1))
-        )
-        # Impact problems have clumps where the step ends: so they have their velocities of its start.
-        self.old[(every[:, None] * run.bodies + np.flatnonzero(run.in_clump)).ravel()] = np.concatenate(
-            turning.turned_on(block), axis=-1
-        )[:, run.in_clump].reshape(-1, 6)
-
-        def of_both(each: F64) -> F64:
-            of_b = np.where(r.b < run.bodies, each[r.k, np.minimum(r.b, run.bodies - 1)], 0.0)
-            return np.asarray(each[r.k, r.a] + of_b)
-
-        #: (K,) by how much the velocities of before may be off at each row, m/s.
-        self.begun = of_both(turning.unsure(block))
-        #: (K,) by how much loads may have answered otherwise, N s.
-        self.swung = of_both(turning.swung(block))
-        self.scratch = np.zeros_like(self.now)
-        # Frames of tangential rows: those of t_n, of Moreau-Jean the recorded ones of the middle of the step.
-        ball = np.minimum(r.b, run.bodies - 1)
-        self.at = r.k * run.bodies + r.a, r.k * run.bodies + ball
-        start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, ball])[1]
-        # Not of the contacts of the frame: one whose impulse was taken back has none there.
-        images = block.image(r.k, r.a, r.b), block.image(r.k, r.a, r.b, end=True)
-        first = Pairs(r.a, r.b, block.t0[r.k], block.x0[r.k, r.a], start, end=False, image=images[0])
-        motion = block.motion(r.k, r.a, r.b, start=True)
-        self.law = run.law_index(r.a, r.b)
-        self.mu = run.friction(self.law, norm(rates(run, first, motion, start, start).slip))
-        once = run.loads_once
-        end = end | (run.method == "moreau") | once
-        both = forces.split(r.impulse, r.normal, start)
-        self.lever = np.where(end[:, None], r.normal, start)
-        self.push = np.where(end, both[0].normal, both[1].normal)
-        self.slide = np.where(end[:, None], both[0].sliding, both[1].sliding)
-        self.arm = cross(self.lever, self.slide)
-        self.first = loads_once.first_normals(run, r.a, r.b, start, r.normal)
-        if once:
-            loads = (r.problem == 0)[:, None]
-            mean = loads_once.along_mean(r.impulse, self.first, r.normal)
-            self.push = np.where(loads[:, 0], mean.normal, self.push)
-            self.slide = np.where(loads, mean.stated - mean.normal[:, None] * r.normal, self.slide)
-            self.arm = np.where(loads, mean.arm, self.arm)
-        # Places and times of the walls' own motion, at t_n and at t_{n+1}.
-        self.printed = first._replace(foot=self.lever)
-        self.pairs = tuple(
-            Pairs(
-                r.a,
-                r.b,
-                time[r.k],
-                at_walls(block, r.k, r.a, r.b, r.normal, start=not last),
-                r.normal,
-                end=last,
-                image=images[last],
-            )
-            for time, last in ((block.t0, False), (block.t1, True))
-        )
-        of_images = carried.image_speed(block, r.k, images[1])
-        self.cut, self.unsure = after_cut(block, r)
-        #: (K,) rows with walls or images that move.
-        self.driven = np.isin(r.b, [run.bodies + w for w, wall in enumerate(run.walls) if wall.moves])
-        self.driven |= of_images > 0.0
-        self.compliance = compliance(run, r.a, r.b)
-        #: (B,) largest speed that the weight, the turn of a clump, or the force on a free wall gives in a step, m/s.
-        self.loads_give = np.full(block.count, float(norm(run.gravity)) * run.h)
-        self.loads_give += flights.speeds_of_turning(block).max(axis=1)
-        self.loads_give += carried.strained(block) * 2.0 * run.radius.max()
-        pulled, unsure = on_bodies(block)
-        self.loads_give += ((norm(pulled) + unsure) / run.mass).max(axis=1, initial=0.0)
-        if run.free_walls:
-            walls = slice(run.balls, None)
-            self.loads_give += (of_loads(block).spread[:, walls, 0] / run.mass[walls]).max(axis=1)
-        self.squares = bounds.squares(run, r)
-        self.wrench = self._wrenches()
-        given = np.flatnonzero(kept | (r.problem > 0))
-        where, gained = self._moved(given)
-        self.now[where] -= gained
-        #: Motion that problem 0 has left.
-        self.loaded = self.now
-        reach = np.abs(np.nan_to_num(self.now)).reshape(block.count, -1, 6)
-        #: (B,) largest speed of a body, at the start or after any problem.
-        self.top = (norm(reach[..., :3]) + run.radius * norm(reach[..., 3:])).max(axis=1, initial=0.0)
-        np.maximum.at(self.top, r.k, of_images)
-        self.speed = self.top.copy()
-        #: (B,) size of all multipliers: reactions of joints are no more than what they answer, in the norm of the masses.
-        self.plain = np.sqrt(np.bincount(r.k, self.squares, minlength=block.count))
-        answering = np.zeros(block.count, dtype=bool)
-        answering[where[self.answers.group_of[where % run.bodies] >= 0] // run.bodies] = True
-        inert = (
-            np.minimum(run.mass, run.inertia / run.radius**2),
-            np.maximum(run.mass, run.inertia / run.radius**2),
-        )
-        self.plain *= np.where(answering, 1.0 + np.sqrt(inert[1].max() / inert[0].min()), 1.0)
-        self.answering = answering
         self.pressed: compression.Compression | None = None
         if run.impact_law.restitution == "poisson":
             whole, joined = slice(0, len(r)), groups(block, r)
-            before = self._rates(whole, (self.old[self.at[0]], self.old[self.at[1]]), old=True)
+            before = self.rates(whole, (self.old[self.at[0]], self.old[self.at[1]]), old=True)
             causes = (
-                (answering[r.k], "groups with joints or dampers"),
+                (self.answering[r.k], "groups with joints or dampers"),
                 (np.append(run.in_clump, False)[r.a], "groups with clumps"),
                 (np.append(run.in_clump, False)[np.minimum(r.b, run.bodies)], "groups with clumps"),
             )
@@ -259,13 +134,13 @@ class Replay:
         numbers, first = np.unique(r.problem, return_index=True)
         begin = int(np.searchsorted(r.problem, 1))
         loads = slice(0, begin)
-        at, offset = self._moved(loads)
-        before = self._terms(loads, at, offset)
+        at, offset = self.moved(loads)
+        before = self.terms(loads, at, offset)
         remained = np.flatnonzero(self.kept[loads])
-        at_kept, change = self._moved(remained, free=self.anew)
+        at_kept, change = self.moved(remained, free=self.anew)
         chosen = np.append(remained, np.arange(begin, int(np.searchsorted(r.problem, 2))))
-        at_first, first_change = self._moved(chosen)
-        then = self._terms(chosen, at_first, first_change)
+        at_first, first_change = self.moved(chosen)
+        then = self.terms(chosen, at_first, first_change)
         self.scratch[at_kept] = change
         first_change -= self.scratch[at_first]
         self.scratch[at_kept] = 0.0
@@ -277,7 +152,7 @@ class Replay:
             rows = slice(int(low), int(high))
             if problem > 0:
                 solved = before if problem == 1 else np.maximum(before, then)
-            where, own = (at_first, first_change) if problem == 1 else self._moved(rows)
+            where, own = (at_first, first_change) if problem == 1 else self.moved(rows)
             self._problem(rows, where, own, solved, minus if problem > 1 else self.old)
             if problem == 0:
                 self.loaded = self.now.copy()
@@ -292,42 +167,6 @@ class Replay:
         return {
             kind: Told(*map(np.concatenate, zip(*parts, strict=True))) for kind, parts in self.told.items()
         }
-
-    def _works(self, rows: slice, at: I64, change: F64) -> None:
-        """Works of the loads, of which those count that no impact took back."""
-        a, b = (of[rows] for of in self.at)
-        self.scratch[at] = change
-        ends = [
-            (u[:, :3], u[:, 3:], v[:, :3], v[:, 3:])
-            for u, v in (
-                (self.now[a], self.now[b]),
-                (self.now[a] + self.scratch[a], self.now[b] + self.scratch[b]),
-            )
-        ]
-        self.scratch[at] = 0.0
-        run, r, pairs, lever = self.block.run, self.r.of(rows), self.pairs[1].of(rows), self.lever[rows]
-        if run.loads_once:
-            middle = [flights.at_half_way(self.block, r.k, r.a, r.b, motion) for motion in ends]
-            found = works.along_mean(self.block, r.k, pairs, r.impulse, r.moment, self.first[rows], middle)
-        else:
-            before, after = (rates(run, pairs, motion, r.normal, lever) for motion in ends)
-            found = works.done(self.push[rows], self.slide[rows], r.moment, lever, before, after)
-        self.work[rows] = np.where(self.kept[rows, None], found, 0.0)
-
-    def _tell_works(self) -> None:
-        """Works of a contact over all its rows, told of the last of these."""
-        block, r, c = self.block, self.r, self.block.rows
-        contact, known = r.contacts(block)
-        rows = np.flatnonzero(known & block.kept[r.k])
-        summed, spread = np.zeros((len(c), 4)), np.zeros(len(c))
-        add_at(summed, (contact[rows],), self.work[rows])
-        np.add.at(spread, contact[rows], works.bound(block, r)[rows])
-        last = np.full(len(c), -1)
-        np.maximum.at(last, contact[rows], rows)
-        mine = np.flatnonzero(last >= 0)
-        value = np.abs(c.work[mine] - summed[mine]).max(axis=1, initial=0.0)
-        order = np.argsort(last[mine])
-        self._tell("work", last[mine][order], value[order], spread[mine][order])
 
     def _tell_missing(self) -> None:
         """Contacts that were compressed have a row of the expansion, where no restitution was taken back in the step.
@@ -352,7 +191,7 @@ class Replay:
             2.0 * own * left * (1.0 + np.nan_to_num(self.pressed.gain[rows]))
             + 64.0 * EPS * self.top[r.k[rows]]
         )
-        self._tell("impact", rows, own * np.nan_to_num(least), bound)
+        self.tell("impact", rows, own * np.nan_to_num(least), bound)
 
     def _least(self, rows: slice | I64, normal: F64) -> tuple[F64, F64]:
         """(K,) normal impulses of expansion at least, of those of compression, and the approach speeds of these."""
@@ -361,71 +200,17 @@ class Replay:
         acts = (speed > 0.0) & (speed >= run.options["restitution_threshold"])
         return np.where(acts, run.restitution(index, speed), 0.0) * normal, speed
 
-    def _wrenches(self) -> tuple[F64, F64]:
-        """Momenta that each row gives its two bodies, (K, 6); none to walls that are not free."""
-        run, r = self.block.run, self.r
-        reach = run.reach
-        arm = self.arm
-        ball, moved = (r.b < run.balls)[:, None], (r.b < run.bodies)[:, None]
-        of_a = np.hstack([r.impulse, r.moment - reach[r.a][:, None] * arm])
-        turned_by = -r.moment - reach[np.minimum(r.b, run.bodies)][:, None] * arm
-        if run.loads_once:
-            off, load = flights.half_way(self.block), np.where((r.problem == 0)[:, None], r.impulse, 0.0)
-            of_a[:, 3:] += cross(off[r.k, r.a], load)
-            turned_by -= cross(off[r.k, np.minimum(r.b, run.bodies)], load)
-        of_b = np.hstack([-run.taken(r.b, r.impulse), np.where(ball, turned_by, 0.0)])
-        return of_a, np.where(moved, of_b, 0.0)
-
-    def _moved(self, rows: slice | I64, *, free: bool = False) -> tuple[I64, F64]:
-        """The bodies that some rows move, each once, (M,), and the velocities that the rows give them together, (M, 6);
-        `free`, where nothing answers them.
-        """
-        a, b = (at[rows] for at in self.at)
-        hit = np.zeros(len(self.now), dtype=bool)
-        hit[a] = hit[b[self.r.b[rows] < self.block.run.bodies]] = True
-        for at, wrench in zip((a, b), self.wrench, strict=True):
-            add_at(self.scratch, (at,), wrench[rows])
-        where = np.flatnonzero(hit)
-        found = self.scratch[where]
-        self.scratch[where] = 0.0
-        if free:
-            return self.answers.of(where, found, free=True)
-        return self.answers.of(where, found)
-
-    def _shared(self, rows: slice) -> I64:
-        """(K,) how many rows act on one of both bodies, the larger number."""
-        a, b = (at[rows] for at in self.at)
-        # What does not move has no rows in common.
-        moves = self.r.b[rows] < self.block.run.bodies
-        ends = np.concatenate([a, np.where(moves, b, -1 - np.arange(len(b)))])
-        _, which, many = np.unique(ends, return_inverse=True, return_counts=True)
-        shared: I64 = many[which].reshape(2, -1).max(axis=0)
-        return shared
-
-    def _terms(self, rows: slice | I64, at: I64, change: F64) -> F64:
-        """(B,) `bounds.terms` of some rows and of the velocities that they change."""
-        return bounds.terms(self.block, self.r.k[rows], self.squares[rows], at, change * self.inertia[at])
-
-    def _rates(
-        self, rows: slice | I64, motion: tuple[F64, F64], *, old: bool = False, printed: bool = False
-    ) -> Rates:
-        """At some rows for motions of their bodies, (K, 6); `old`: walls as at t_n; `printed`: all of t_n."""
-        p = (self.printed if printed else self.pairs[0 if old else 1]).of(rows)
-        (a, b), lever = motion, self.lever[rows]
-        normal = lever if printed else self.r.normal[rows]
-        return rates(self.block.run, p, (a[:, :3], a[:, 3:], b[:, :3], b[:, 3:]), normal, lever)
-
     def _problem(self, rows: slice, at: I64, change: F64, solved: F64, before_impact: F64) -> None:
         """One problem of every step, which changes the velocities of the bodies `at`; `before_impact` is V^-."""
         run, r = self.block.run, self.r.of(rows)
         a, b = (of[rows] for of in self.at)
         now = self.now[a], self.now[b]
-        before = self._rates(rows, now)
+        before = self.rates(rows, now)
         self.scratch[at] = change
-        after = self._rates(rows, (now[0] + self.scratch[a], now[1] + self.scratch[b]))
+        after = self.rates(rows, (now[0] + self.scratch[a], now[1] + self.scratch[b]))
         self.scratch[at] = 0.0
-        minus = self._rates(rows, (before_impact[a], before_impact[b]), old=True)
-        rho = bounds.left(self.block, self.plain, self._terms(rows, at, change), solved, self.speed)
+        minus = self.rates(rows, (before_impact[a], before_impact[b]), old=True)
+        rho = bounds.left(self.block, self.plain, self.terms(rows, at, change), solved, self.speed)
         turned_by = turned_loads(self.block, r.k, self.first[rows], r.normal) if r.problem[0] == 0 else 0.0
         left, own, push = (
             rho[r.k] + turned_by + self.swung[rows],
@@ -439,8 +224,8 @@ class Replay:
         noise = 64.0 * EPS * (own[1] * norm(r.impulse) + scale + weight)
         told = np.maximum(np.abs(before.normal - r.approach), np.abs(after.normal - r.separation))
         every = np.arange(rows.start, rows.stop)
-        of_all = 2.0 * own[0] * np.sqrt(self._shared(rows)) * left
-        self._tell("impact speeds", every, told, 10.0 * noise + of_all)
+        of_all = 2.0 * own[0] * np.sqrt(self.shared(rows)) * left
+        self.tell("impact speeds", every, told, 10.0 * noise + of_all)
         o, index = run.options, self.law[rows]
         newtons, printed = (run.impact_law.restitution == law for law in ("newton", "printed"))
         acts = (r.problem > 0) & (newtons | self.cut[rows] | (printed & ~run.ends(r.problem)))
@@ -448,7 +233,7 @@ class Replay:
         e_t = np.where(restores, run.coefficient("tangential_restitution", index), 0.0)
         towards = minus.normal
         if printed:
-            towards = self._rates(rows, (before_impact[a], before_impact[b]), printed=True).normal
+            towards = self.rates(rows, (before_impact[a], before_impact[b]), printed=True).normal
         else:
             acts &= -towards >= o["restitution_threshold"]
             # Whether a contact that hardly approaches restores slip is for the closing tolerance to say.
@@ -467,7 +252,7 @@ class Replay:
             low, high = (np.full(joined.max() + 1, start) for start in (1.0, 0.0))
             np.minimum.at(low, joined, r.scale)
             np.maximum.at(high, joined, r.scale)
-            self._tell("counts", every, high[joined] - low[joined], np.zeros(len(every)))
+            self.tell("counts", every, high[joined] - low[joined], np.zeros(len(every)))
         remaining = np.where(scaled | np.isnan(given), 0.0, push - np.nan_to_num(given))
         value = bounds.misfit(after.normal + r.scale * e_n * towards, remaining, own[0])
         value = np.where(unsure, np.minimum(value, bounds.misfit(after.normal, remaining, own[0])), value)
@@ -481,7 +266,7 @@ class Replay:
         left_speed = 2.0 * own[0] * left + noise
         begun = r.scale * self.begun[rows]
         rebound = e_n * begun + run.rebound(index, -towards, left_speed + begun)
-        self._tell("impact", every, value, left_speed + own[0] * spread + rebound)
+        self.tell("impact", every, value, left_speed + own[0] * spread + rebound)
         mu = self.mu[rows]
         z = after.slip + slip + (r.scale * np.nan_to_num(e_t))[:, None] * minus.slip
         most = mu * np.maximum(push, 0.0)
@@ -489,7 +274,7 @@ class Replay:
         defect = opposed(self.slide[rows], z, most, 2.0 * own[1] * left + noise + own[1] * spread + restored)
         sure = np.flatnonzero(np.isfinite(e_t) & (mu > 0.0) & ~scaled)
         limit = (left * (1.0 + mu) + 64.0 * EPS * norm(r.impulse))[sure]
-        self._tell("slip", every[sure], defect[sure], limit)
+        self.tell("slip", every[sure], defect[sure], limit)
         if r.problem[0] > 0:
             self.work[rows] = works.done(push, self.slide[rows], r.moment, self.lever[rows], before, after)
         self._turning(rows, left, after, np.flatnonzero(~scaled))
@@ -526,113 +311,13 @@ class Replay:
             size = norm(across(moment, lever)) if name == "rolling_radius" else np.abs(dot(moment, lever))
             beyond = size - run.coefficient(name, self.law[rows]) * np.maximum(push, 0.0)
             bound = left * run.radius[r.a] + 16.0 * EPS * norm(moment)
-            self._tell(kind, np.arange(rows.start, rows.stop), np.maximum(beyond, 0.0), bound)
+            self.tell(kind, np.arange(rows.start, rows.stop), np.maximum(beyond, 0.0), bound)
         spin = self.top[r.k] / run.radius[r.a]
         found = turned(run, (r.a, r.b), (push, moment, lever), after.turning, left, spin)
         chosen = sure[found.any[sure]]
-        self._tell(
+        self.tell(
             "roll",
             rows.start + chosen,
             found.value[chosen],
             found.bound[chosen] + 64.0 * EPS * norm(moment)[chosen],
         )
-
-    def _tell(self, kind: str, rows: I64, value: F64, bound: F64) -> None:
-        if kind in ("impact", "slip", "roll"):
-            springs = self.block.run.impact_law.restitution == "energetic"
-            lawful = ~self.block.companion[self.r.k[rows]] & ~(springs & (self.r.problem[rows] == 1))
-            rows, value, bound = rows[lawful], value[lawful], bound[lawful]
-        self.told.setdefault(kind, []).append(Told(rows, value, bound))
-
-    def _energy(self, rows: slice, moved: tuple[I64, F64], rho: F64, before: Rates, after: Rates) -> None:
-        """Rule R4 in each problem: works of impulses by the mean of the velocities before and after them.
-
-        Bound: `bounds.gain` of the kinetic energy of the bodies that the problem moves; and what a residual `rho` (`bounds`)
-        can do, which is at most `rho` times the velocities after the problem and those of `2 D_cc` times the impulses.
-        """
-        block, run, r, count = self.block, self.block.run, self.r.of(rows), self.block.count
-        at, change = moved
-        if not run.guarded:
-            return
-
-        def total(values: F64) -> F64:
-            return np.bincount(r.k, values, minlength=count).astype(np.float64)
-
-        pushed = 0.5 * self.push[rows] * (before.normal + after.normal)
-        slid = 0.5 * dot(self.slide[rows], before.slip + after.slip)
-        work = pushed + slid + 0.5 * dot(r.moment, before.turning + after.turning)
-        # A wall moves at most with what the ball has against it and by itself.
-        moving = self.driven[rows]
-        now = self.now[self.at[0][rows], :3]
-        driven = run.mass[r.a] * (before.normal**2 + norm(before.slip) ** 2 + dot(now, now))
-        each = 0.5 * np.einsum("ij,ij,ij->i", self.inertia[at], self.now[at], self.now[at])
-        if run.clumps:  # of which each ball has a share
-            mine = np.flatnonzero(run.in_clump[at % run.bodies])
-            share = run.clumps.many[run.clump_of[at[mine] % run.bodies]]
-            each[mine] = flights.energy_of_balls(block, at[mine], self.now[at[mine]]) / share
-        kinetic = np.bincount(at // run.bodies, each, minlength=count) + total(np.where(moving, driven, 0.0))
-        given = 2.0 * self.compliance[1][rows] * norm(r.impulse)
-        fast = np.sqrt(total(after.normal**2 + norm(after.slip) ** 2)) + np.sqrt(total(given**2))
-        bound = bounds.gain(self.block) * kinetic + rho * fast
-        bound = bound + 64.0 * EPS * (kinetic + total(np.abs(work)))
-        # Told of the row with the largest impulse.
-        largest = np.lexsort((norm(r.impulse), r.k))
-        largest = np.sort(largest[np.flatnonzero(np.append(np.diff(r.k[largest]), 1))])
-        k, first = np.unique(r.k, return_index=True)
-        gained = since = total(work)
-        if r.problem[0] == 1:
-            # From the velocities that the loads have left, less what those did that are solved anew.
-            loads, motion = self.r.problem == 0, self.now.copy()
-            motion[at] += change
-            anew = np.flatnonzero(loads & ~self.kept)
-            # What remains of them is answered anew: nothing holds the joints before this problem.
-            redone = self.answering & (np.bincount(self.r.k, loads, minlength=count) > 0)
-            # Who has given up restitution is not asked whether the loads alone had left less.
-            given_up = np.zeros(len(motion), dtype=bool)
-            ends = self.at[0], np.where(self.r.b < run.bodies, self.at[1], self.at[0])
-            for of in ends:
-                given_up[of[rows][r.scale == 0.0]] = True
-            run.clumps.share(np.logical_or, given_up.reshape(count, -1))
-            asked = ~(given_up[ends[0]] | given_up[ends[1]])
-            since = total(self._work_since(rows, motion) * asked[rows])
-            since = since - np.bincount(
-                self.r.k[anew], self._work_since(anew, motion) * asked[anew], minlength=count
-            )
-            # Friction on clumps may take less in an impact than the loads would: restitution alone is held to these.
-            restores = run.restitution(self.law[rows], np.maximum(-before.normal, 0.0)) > 0.0
-            of_clumps = np.append(run.in_clump, False)
-            clumped = of_clumps[r.a] | of_clumps[np.minimum(r.b, run.bodies)]
-            loose = (np.bincount(r.k, clumped, minlength=count) > 0) & (
-                np.bincount(r.k, restores, minlength=count) == 0
-            )
-            since = np.where(loose, gained, since)
-            gained = np.where(redone, since, np.maximum(gained, since))
-        if run.impact_law.restitution == "poisson":
-            # An expansion gives back what its compression took.
-            gained = since = since + (self.spent if r.problem[0] > 1 else 0.0)
-            self.spent = since
-        value = np.maximum(gained, 0.0)
-        # Restitution is taken back as far as there is no gain, and no further.
-        taken = (np.minimum.reduceat(r.scale, first) > 0.0) & (np.maximum.reduceat(r.scale, first) < 1.0)
-        # (A collective impact may have less; how much less, a solution without restitution would tell.)
-        taken &= run.impact_law.restitution == "newton" and not run.ends(r.problem[:1])[0]
-        # (So may a group beside another one: they have one share where they would close a contact between them.)
-        each = np.unique(np.stack([r.k, groups(self.block, r)]), axis=1)[0]
-        shares = np.unique(np.stack([r.k.astype(np.float64), r.scale]), axis=1)[0].astype(np.int64)
-        taken &= (np.bincount(each, minlength=count) == np.bincount(shares, minlength=count))[k]
-        value[k[taken]] = np.maximum(value, np.abs(since))[k[taken]]
-        self._tell("passivity", rows.start + largest, value[k], bound[k])
-
-    def _work_since(self, rows: slice | I64, motion: F64) -> F64:
-        """(K,) works of rows by the mean of the velocities that the loads have left and those of a `motion`."""
-        a, b = (of[rows] for of in self.at)
-        r, run = self.r.of(rows), self.block.run
-        if run.loads_once and len(r) and r.problem[0] == 0:
-            ends = [(of[a, :3], of[a, 3:], of[b, :3], of[b, 3:]) for of in (self.loaded, motion)]
-            middle = [flights.at_half_way(self.block, r.k, r.a, r.b, of) for of in ends]
-            pairs = self.pairs[1].of(rows)
-            found = works.along_mean(self.block, r.k, pairs, r.impulse, r.moment, self.first[rows], middle)
-            return np.asarray(found.sum(axis=1))
-        first, last = (self._rates(rows, (of[a], of[b])) for of in (self.loaded, motion))
-        found = works.done(self.push[rows], self.slide[rows], r.moment, self.lever[rows], first, last)
-        return np.asarray(found.sum(axis=1))
