@@ -59,3 +59,29 @@ def test_a_ball_that_fills_what_is_hollow_keeps_its_energy() -> None:
     scene.sphere("a", radius=0.02, mass=0.1, at=(0, 0, 0), velocity=(1, 0, 0), material="b")
     energy = carom.simulate(scene).summary["energy"]
     assert energy["final"] == pytest.approx(0.05, rel=2e-2)
+
+
+@pytest.mark.parametrize("step", [2e-3, 5e-4])
+def test_moments_on_a_table_that_turns_are_those_of_the_ball(step: float) -> None:
+    run = {"step": step, "until": 0.1, "method": "penalty", "penalty_young_modulus": 1e6}
+    scene = carom.Scene("turntable", run=run, record={"every": 1, "walls": True})
+    scene.contact("b", "w", friction=0.6, restitution=0.2)
+    scene.plane(
+        "table",
+        material="w",
+        point=(0, 0, 0),
+        normal=(0, 0, 1),
+        radius=0.1,
+        motion={"rotation": {"axis": [0, 0, 1], "rate": 10}},
+    )
+    scene.sphere("a", material="b", mass=0.001, radius=0.005, at=(0.05, 0, 0.005))
+    result = carom.simulate(scene)
+    moment = np.asarray(result.walls["table"].angular_impulse)[1:, 2].sum()
+    x, v, w = (
+        np.asarray(of)[-1]
+        for of in (result["a"].position, result["a"].velocity, result["a"].angular_velocity)
+    )
+    gained = 0.001 * np.cross(x, v)[2] + 0.4 * 0.001 * 0.005**2 * w[2]
+    assert moment == pytest.approx(-gained, rel=1e-12)
+    work = np.asarray(result.steps["energy_work"]).sum()
+    assert work == pytest.approx(-10 * moment, rel=1e-12)

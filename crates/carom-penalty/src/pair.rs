@@ -66,7 +66,10 @@ pub struct Pair {
     /// mu of the last sweep, and whether the contact slipped in it.
     pub friction: f64,
     pub slips: bool,
-    /// Work of the moving wall in this step, J.
+    /// From the place of the wall B to the contact, m.
+    pub lever: DVec3,
+    /// Moment on the wall B about its place, N m s, and work of its motion, J, in this step.
+    pub wall_moment: DVec3,
     pub driven_work: f64,
 }
 
@@ -119,6 +122,8 @@ impl Pair {
             step: Sums::default(),
             friction: 0.0,
             slips: false,
+            lever: DVec3::ZERO,
+            wall_moment: DVec3::ZERO,
             driven_work: 0.0,
         };
         pair.place(model, &laws.elastic, bodies);
@@ -146,6 +151,9 @@ impl Pair {
         } else {
             let met = bodies.walls.meet(model, self.a, self.b, x[a]);
             self.bend(&model.wall(self.b).shape, &met);
+            if model.record_walls {
+                self.lever = bodies.walls.arm(model, self.b, x[a]) - self.radii[0] * met.normal;
+            }
             met
         };
         (self.gap, self.normal) = (gap, normal);
@@ -321,9 +329,12 @@ impl Pair {
         )
     }
 
-    /// Counts the work of a moving wall: what it gave A at its own velocity.
+    /// Counts what B is given where it is a wall, and the work of that: what it gives A at its own velocity.
     #[inline]
     pub fn drive(&mut self, bodies: &Bodies, normal: DVec3, friction: DVec3, moment: DVec3) {
+        if self.b as usize >= bodies.position.len() {
+            self.wall_moment -= moment + self.lever.cross(normal + friction);
+        }
         if self.driven.is_some() {
             let [wall, _] = self.wall_motion(bodies);
             self.driven_work +=

@@ -59,7 +59,7 @@ impl Stepper for Penalty {
                     report.penetration_relative.max(-pair.gap / pair.length);
             }
         }
-        self.finish(model, on.state, scratch, report)?;
+        self.finish(model, scratch, report)?;
         self.write_state(on.state);
         timers.mark(Phase::Finish);
         Ok(())
@@ -263,7 +263,6 @@ impl Penalty {
     fn finish(
         &mut self,
         model: &Model,
-        state: &State,
         scratch: &mut Scratch,
         report: &mut StepReport,
     ) -> Result<(), Failure> {
@@ -289,9 +288,14 @@ impl Penalty {
         islands.build(model, contacts, &[], |_| true);
         report.count(islands);
         if model.record_walls {
-            let (b, out) = (&self.bodies, &mut scratch.wall_impulse);
-            b.walls.collect(model, state, &b.position, contacts, out);
-            report.energy_work += self.pairs.iter().map(|p| p.driven_work).sum::<f64>();
+            for pair in &self.pairs {
+                if pair.b as usize >= model.bodies() {
+                    let on_wall = &mut scratch.wall_impulse[model.wall(pair.b).given as usize];
+                    on_wall[0] -= pair.step.impulse;
+                    on_wall[1] += pair.wall_moment;
+                }
+                report.energy_work += pair.driven_work;
+            }
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -57,7 +58,7 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
         "failure": None if about["status"] in ("done", "stopped", "interrupted") else about["outcome"],
         "wall_s": sum(s["wall_s"] for s in segments),
         "core_s": sum(s["core_s"] for s in segments),
-        "phases": plain(simulation.phases()),
+        "phases": _phases(segments),
         "bodies_count": len(names),
     }
     found |= {key: value for key, value in totals.items() if key not in found}
@@ -70,6 +71,14 @@ def summary(scene: Scene, simulation: Simulation, plan: Plan, about: Mapping[str
             if there is None or there[i]
         }
     return found
+
+
+def _phases(segments: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Seconds by phase, over all parts of a run but those that were killed."""
+    spent: Counter[str] = Counter()
+    for segment in segments:
+        spent.update(segment.get("phases", {}))
+    return dict(spent)
 
 
 def named(outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str]) -> dict[str, Any]:

@@ -356,7 +356,12 @@ impl Walls {
         }
     }
 
-    /// The same at t_n.
+    /// From that point to one at `x`, by the nearest image.
+    pub fn arm(&self, model: &Model, b: u32, x: DVec3) -> DVec3 {
+        self.periodic.now.nearest(x - self.point(model, b))
+    }
+
+    /// That point at t_n.
     fn point_at_start(&self, model: &Model, b: u32) -> DVec3 {
         match (model.mesh_of(b), self.course(model, b)) {
             (None, _) => self.start[b as usize - model.first_wall()].place(),
