@@ -74,7 +74,7 @@ impl Impact {
         )
     }
 
-    /// Whether a lone contact obeys it, which has a closed form. (Energetic restitution is the same there.)
+    /// Whether a lone contact of balls obeys it, which has a closed form. (Energetic restitution is the same there.)
     pub const fn has_closed_form(self) -> bool {
         !matches!(self.facts().restitution, Restitution::Poisson)
     }

@@ -108,6 +108,10 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
         &self.on.scratch.contacts[self.work.members[slot] as usize]
     }
 
+    fn is_of_balls(&self) -> bool {
+        self.on.island.is_free() && !self.on.island.clumps
+    }
+
     fn again(&self) -> bool {
         self.again
     }

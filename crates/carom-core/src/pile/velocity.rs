@@ -262,6 +262,10 @@ impl ImpactIsland for SphereIsland<'_, '_, '_> {
         &self.on.scratch.contacts[self.pile.velocity.closed[slot].contact as usize]
     }
 
+    fn is_of_balls(&self) -> bool {
+        true
+    }
+
     fn again(&self) -> bool {
         self.again
     }
