@@ -250,3 +250,29 @@ def test_the_same_bits_twice_and_whatever_is_recorded(seed: int) -> None:
 def test_newton_for_every_island_is_the_closed_form(seed: int) -> None:
     throw = corner(seed)
     agree(f"seed {seed}, newton", motion(throw.run()), motion(throw.run(solver="newton")))
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")  # of walls that are as fast as that
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+def test_a_box_that_moves_fast_with_its_balls(method: str) -> None:
+    def run(shift: tuple[float, float, float]) -> carom.Result:
+        scene = carom.Scene("box")
+        scene.contact("b", "b", friction=0.2, restitution=0.7)
+        moves = {"translation": [{"expression": f"{v} * t"} for v in shift]} if any(shift) else None
+        for axis, name in enumerate("xyz"):
+            normal = tuple(float(k == axis) for k in range(3))
+            scene.plane(name, material="b", point=(0, 0, 0), normal=normal, motion=moves)
+        for name, at, v in (
+            ("a", (0.04, 0.05, 0.06), (-1, 0.3, -0.5)),
+            ("c", (0.1, 0.06, 0.07), (-2, -0.4, -1)),
+        ):
+            velocity = tuple(np.add(v, shift))
+            scene.sphere(name, radius=0.02, mass=0.1, at=at, velocity=velocity, material="b")
+        return carom.simulate(scene, method=method, step=1e-3, until=0.1, every=1)
+
+    shift = (100.0, -50.0, 25.0)
+    still, moving = run((0, 0, 0)), run(shift)
+    assert len(still.impacts) >= 4
+    assert moving.steps["substeps"].sum() == 0  # nothing moves against anything by more than before
+    passed = np.multiply.outer(moving.time, shift)
+    np.testing.assert_allclose(moving.position - passed[:, None], still.position, rtol=0, atol=1e-9)

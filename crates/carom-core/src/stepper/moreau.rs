@@ -57,7 +57,10 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
     }
     on.timers.mark(Phase::Predict);
     let fastest = list_pairs(model, on.state, on.scratch)?;
+    // Ways are those of the whole step, of walls too.
+    on.scratch.walls.place(model, whole.end);
     travel::check(model, on.state, on.scratch, fastest)?;
+    on.scratch.walls.place(model, middle(whole));
     on.timers.mark(Phase::Broad);
     meet(model, on.state, on.scratch)?;
     on.report.candidates = on.scratch.contacts.len() as u32;
@@ -122,7 +125,11 @@ fn move_to_middle(model: &Model, state: &State, scratch: &mut Scratch, whole: Sp
     for i in 0..model.bodies() {
         scratch.position[i] = state.position[i] + 0.5 * whole.h * state.velocity[i];
     }
-    scratch.walls.place(model, whole.start + 0.5 * whole.h);
+    scratch.walls.place(model, middle(whole));
+}
+
+fn middle(span: Span) -> f64 {
+    span.start + 0.5 * span.h
 }
 
 /// Spheres where their predictions lead.
