@@ -269,7 +269,7 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
             result.problems.append(record)
         elif law == "poisson":
             impulses = _poisson(island, impact_problem, tolerance, result)
-        elif law in SPRINGS and len(island.elements) > 1:
+        elif law in SPRINGS and (len(island.elements) > 1 or bool(island.layout.joint_radius.size)):
             impulses = _binary(island, impact_problem, tolerance, result)
         elif law in ("sequence", "sequence-paper", *SPRINGS):
             impulses = _sequence(island, impact_problem, tolerance, result)

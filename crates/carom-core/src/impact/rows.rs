@@ -109,7 +109,7 @@ impl ImpactIsland for RowIsland<'_, '_, '_> {
     }
 
     fn is_of_balls(&self) -> bool {
-        self.on.island.is_free() && !self.on.island.clumps
+        self.on.island.joints.is_empty() && !self.on.island.clumps
     }
 
     fn again(&self) -> bool {

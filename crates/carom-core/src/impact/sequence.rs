@@ -33,7 +33,7 @@ pub trait ImpactIsland: Sync {
         self.speed_before(slot) < -self.closing_tolerance(slot)
     }
     fn contact(&self, slot: usize) -> &Contact;
-    /// Whether no joint, load or clump is in it: at each contact alone a normal impulse changes no slip.
+    /// Whether no joint and no clump is in it: at each contact alone a normal impulse changes no slip.
     fn is_of_balls(&self) -> bool;
     /// Whether the loads of this step have been solved before positions were.
     fn again(&self) -> bool;
