@@ -286,6 +286,65 @@ def test_a_ball_that_is_only_pushed_is_named() -> None:
     assert str(shot) == "cue pushes 1 and hits no ball."
 
 
+@pytest.mark.parametrize("run", [{}, {"method": "nsga", "step": 5e-4}])
+def test_what_a_pushed_ball_does_is_of_the_shot(run: dict[str, Any]) -> None:
+    """A pushed ball stays one when it hits or sinks later, and what it hits is moved by the cue ball; one that lay still
+    until it was hit is none.
+    """
+    t = table("9ft")
+    middle, width, reach = 0.5 * t.spec.length, t.spec.width, 2 * t.spec.ball_radius
+    lean = np.array([math.sin(math.radians(30)), math.cos(math.radians(30))])
+    hangs = np.array([middle, width - 0.012])
+    at = hangs - 0.2 * lean
+    scene = t.scene(until=1.1, **run)
+    t.cue_ball(scene, at=at, angular_velocity=(-250, 0, 0))
+    t.ball(scene, "1", at=at + reach * lean)
+    t.ball(scene, "2", at=at + reach * lean * (-1, 1))
+    t.ball(scene, "3", at=hangs)
+    shot = t.shot(carom.simulate(scene))
+    assert (shot.pushed, shot.first) == (("1", "2"), None)
+    assert ("1", "3") in [(hit.ball, hit.other) for hit in shot.hits]
+    assert str(shot) == "cue pushes 1, 2 and hits no ball. Gone: 3 (side left)."
+
+    row = t.scene(until=0.2, **run)
+    t.cue_ball(row, at=(middle, 0.6), angular_velocity=(-150, 0, 0))
+    for name, place in (("1", (0, 1)), ("2", (0, 2)), ("3", (1, 0))):
+        t.ball(row, name, at=(middle + place[0] * reach, 0.6 + place[1] * reach))
+    t.ball(row, "4", at=(middle + 2.5 * reach, 0.6), velocity=(-0.9, 0, 0))
+    shot = t.shot(carom.simulate(row))
+    assert "3" in {hit.ball for hit in shot.hits}
+    assert shot.pushed == ("1", "2")
+
+    alone = t.scene(until=1.0, **run)
+    t.cue_ball(alone, at=(middle, width - 0.3), angular_velocity=(-150, 0, 0))
+    t.ball(alone, "1", at=(middle, width - 0.3 + reach))
+    assert (
+        str(t.shot(carom.simulate(alone))) == "cue pushes 1 and hits no ball. Gone: 1 (side left). Scratch."
+    )
+
+
+@pytest.mark.parametrize("run", [{}, {"method": "nsga", "step": 2e-4}])
+@pytest.mark.parametrize("beside", [0.0, 1e-4, 2.37e-3, 8e-3])
+def test_the_point_of_a_pocket_is_one_cushion(beside: float, run: dict[str, Any]) -> None:
+    """It is the end of a cushion and of its facing, which met the ball at one point and counted twice."""
+    t = table("9ft")
+    scene = t.scene(until=0.1, **run)
+    x = 0.5 * (t.spec.length - t.spec.side_mouth)
+    t.cue_ball(scene, at=(x + beside, t.spec.width - 0.1), velocity=(0.0, 1.0, 0.0))
+    result = carom.simulate(scene)
+    walls = {wall for ball, wall in result.impacts.pair.tolist() if "left" in wall}
+    assert walls == {"cushion left head", "facing left head a"}
+    assert t.shot(result).cushions("cue") == ["cushion left head"]
+
+
+def test_a_corner_is_two_cushions() -> None:
+    t = table("9ft", corner_mouth=0.0, side_mouth=0.0)
+    scene = t.scene(until=0.2)
+    inner = t.reach + 0.05
+    t.cue_ball(scene, at=(inner, inner), velocity=(-1.0, -1.0, 0.0))
+    assert sorted(t.shot(carom.simulate(scene)).cushions("cue")) == ["cushion head", "cushion right"]
+
+
 def test_a_result_has_its_shots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One for each ball that was struck, with what it pocketed, as the table reads it; words say the same."""
     t = table("9ft")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Shot:
     hits: tuple[Hit, ...]
     pocketed: tuple[Pocketed, ...]
     pushed: tuple[str, ...] = ()
-    """The balls that the cue ball touched at the start and moved without a hit."""
+    """The balls that the cue ball touched at the start, or that touched one of them, and that moved without a hit."""
 
     @property
     def first(self) -> str | None:
@@ -81,22 +81,38 @@ def struck(result: RunData) -> list[str]:
     return [result.names[k] for k in np.flatnonzero(moving)]
 
 
-def _pushed(result: RunData, cue: str, hits: tuple[Hit, ...]) -> tuple[str, ...]:
-    position, radius = np.asarray(result.position[0]), np.asarray(result.bodies["radius"])
-    k = result.names.index(cue)
-    gap = np.linalg.norm(position - position[k], axis=1) - radius - radius[k]
-    moved = np.linalg.norm(np.asarray(result.position[-1]) - position, axis=1)
-    found = (gap < FROZEN * radius) & (moved > FROZEN * radius)
-    rest = {cue, *struck(result), *(name for hit in hits for name in (hit.ball, hit.other))}
-    return tuple(name for name in np.array(result.names)[found].tolist() if name not in rest)
+def _pushed(result: RunData, cue: str, others: list[str], hits: list[Hit]) -> list[str]:
+    """The balls that touched the cue ball at the start, or one that did, and moved before another ball hit them.
+
+    They move with the balls that touch them, so no hit says who moved them. `others` are struck themselves.
+    """
+    start, radius, time = np.asarray(result.position[0]), np.asarray(result.bodies["radius"]), result.time
+    moved = (
+        np.linalg.norm(np.asarray(result.position) - start, axis=2) > FROZEN * radius
+    )  # not where it is gone: NaN
+    free = []
+    for name, ways in zip(result.names, moved.T, strict=True):
+        first = min((hit.time for hit in hits if name in (hit.ball, hit.other)), default=np.inf)
+        free.append(name not in others and bool(ways[np.asarray(time) < first].any()))
+    reached = np.array(result.names) == cue
+    while True:
+        reach = start[reached][:, None] - start
+        gap = np.linalg.norm(reach, axis=2) - radius[reached][:, None] - radius
+        more = reached | ((gap < FROZEN * radius).any(axis=0) & free)
+        if (more == reached).all():
+            return [name for name in np.array(result.names)[reached].tolist() if name != cue]
+        reached = more
 
 
-def _causes(balls: list[str], hits: tuple[Hit, ...]) -> dict[str, set[str]]:
-    """Which of the struck balls, by a chain of hits, have moved each ball."""
-    causes = {name: {name} for name in balls}
+def _causes(pushed: dict[str, list[str]], hits: list[Hit]) -> dict[str, set[str]]:
+    """Which of the struck balls, by what they pushed and a chain of hits, have moved each ball; missing where unknown."""
+    causes = {name: {name} for name in pushed}
+    for name, balls in pushed.items():
+        for ball in balls:
+            causes.setdefault(ball, set()).add(name)
     for hit in hits:
-        both = causes.get(hit.ball, set()) | causes.get(hit.other, set())
-        causes |= {hit.ball: both, hit.other: both}
+        if both := causes.get(hit.ball, set()) | causes.get(hit.other, set()):
+            causes |= {hit.ball: both, hit.other: both}
     return causes
 
 
@@ -109,13 +125,25 @@ def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest:
     rows = result.impacts
     speed = -np.asarray(rows["approach"])
     rows = rows.where((speed > slowest) & (np.asarray(rows["problem"]) > 0) & (rows["pair"][:, 1] != bed))
-    found: dict[tuple[float, str, str], float] = {}
-    # In one impact a pair may meet several times: that is one hit.
-    for time, (a, b), approach in zip(rows["time"], rows["pair"].tolist(), rows["approach"], strict=True):
-        key = float(time), str(a), str(b)
-        found[key] = max(found.get(key, 0.0), -float(approach))
-    hits = tuple(Hit(*key, speed) for key, speed in found.items())
-    names = frozenset(result.names)
-    causes = _causes([cue, *struck(result)], tuple(hit for hit in hits if hit.other in names))
+    found: dict[Any, Hit] = {}
+    # In one impact a pair may meet several times, and the point of a pocket is the end of two walls: what meets a ball at
+    # one point is one hit, of the first wall by name: of the cushion, not its facing.
+    for time, (a, b), normal, approach in zip(
+        rows["time"],
+        rows["pair"].tolist(),
+        np.round(rows["normal"], 6).tolist(),
+        rows["approach"],
+        strict=True,
+    ):
+        hit = Hit(float(time), a, b, -float(approach))
+        old = found.setdefault((hit.time, a, *normal), hit)
+        found[hit.time, a, *normal] = replace(old, other=min(old.other, b), speed=max(old.speed, hit.speed))
+    hits, names = list(found.values()), frozenset(result.names)
+    between = [hit for hit in hits if hit.other in names]
+    moving = dict.fromkeys([cue, *struck(result)])
+    pushed = {
+        name: _pushed(result, name, [other for other in moving if other != name], between) for name in moving
+    }
+    causes = _causes(pushed, between)
     mine = tuple(ball for ball in pocketed if cue in causes.get(ball.ball, {cue}))
-    return Shot(cue, names, hits, mine, _pushed(result, cue, hits))
+    return Shot(cue, names, tuple(hits), mine, tuple(pushed[cue]))
