@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import carom
 import numpy as np
@@ -133,3 +134,49 @@ def test_friction_that_holds_a_ball_between_nose_and_bed_is_told() -> None:
     given = {"radius": R, "nose_height": NOSE, "restitution": E, "friction": 2.0, "bed_friction": 1.0}
     with pytest.raises(carom.CaromError, match="wedge the ball"):
         mathavan_2010((1.0, 0.5, 0.0), (0.0, 60.0, 0.0), **given, steps=100)
+
+
+@pytest.mark.parametrize(
+    ("model", "more"), [(han_2005, {}), (mathavan_2010, {"bed_friction": MU_BED, "steps": 200})]
+)
+def test_what_moves_is_looked_at_and_is_broadcast_alike(model: Any, more: dict[str, float]) -> None:
+    """NaN passed, vectors of two gave NumPy's words, and one model took other shapes than the other."""
+    given = {"radius": R, "nose_height": NOSE, "restitution": E, "friction": MU, **more}
+    velocity, spin = np.array([[1.0, 0.5, 0.0], [2.0, -0.3, 0.0]]), np.array([3.0, 9.0, -20.0])
+    for many, one in zip(model(velocity, spin, **given), zip(*(model(v, spin, **given) for v in velocity), strict=True),
+                         strict=True):  # fmt: skip
+        assert many == pytest.approx(np.array(one), rel=1e-12)
+    for few, one in zip(
+        model(velocity[0], [spin, spin], **given), model(velocity[0], spin, **given), strict=True
+    ):
+        assert few == pytest.approx(np.array([one, one]), rel=1e-12)
+    three = (1.0, 0.5, 0.0)
+    for v, w in (((1.0, 0.5), (0.0, 3.0)), ((np.nan, 0.5, 0.0), three), (three, (np.inf, 0.0, 0.0)), ("fast", three),
+                 ([three] * 2, [three] * 3), (1.0, 2.0)):  # fmt: skip
+        with pytest.raises(carom.CaromError, match=r"must be \(..., 3\) finite numbers"):
+            model(v, w, **given)
+    with pytest.raises(carom.CaromError, match="must have v_z = 0"):
+        model((1.0, 0.5, 0.1), three, **given)
+
+
+@pytest.mark.parametrize("steps", [1, 0, -1, 99, 150.0, True, "many"])
+def test_too_few_steps_are_refused(steps: Any) -> None:
+    """With one step a ball left with 3.9 times its energy."""
+    given: dict[str, Any] = {"radius": R, "nose_height": NOSE, "friction": MU, "bed_friction": MU_BED}
+    with pytest.raises(carom.CaromError, match="steps must be a whole number from 100 on"):
+        mathavan_2010((1.0, 0.5, 0.0), (0.0, 1 / R, 0.0), **given, restitution=E, steps=steps)
+
+
+def test_the_fewest_steps_gain_no_energy_and_come_near() -> None:
+    rng = np.random.default_rng(0)
+    velocity, spin = rng.uniform(-3, 3, (60, 3)) * [1, 1, 0], rng.normal(0, 60, (60, 3))
+    velocity[:, 0] = np.abs(velocity[:, 0])
+    given = {"radius": R, "nose_height": NOSE, "restitution": 1.0, "friction": MU, "bed_friction": MU_BED}
+    (v, w), fine = (mathavan_2010(velocity, spin, **given, steps=steps) for steps in (100, 4000))
+
+    def energy(v: np.ndarray, w: np.ndarray) -> Any:
+        return (v**2).sum(axis=1) + 0.4 * R**2 * (w**2).sum(axis=1)
+
+    start = energy(velocity, spin)
+    assert (energy(v, w) < start).all()
+    assert (energy(v - fine[0], w - fine[1]) < 0.02**2 * start).all()

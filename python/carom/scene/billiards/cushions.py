@@ -21,11 +21,16 @@ from numpy.typing import ArrayLike
 
 from carom.arrays import F64
 from carom.errors import CaromError
+from carom.numeric import is_whole
 from carom.scene.billiards.arguments import number
 
 UP = np.array([0.0, 0.0, 1.0])
 STEPS = 5000
 """Steps of the integration over an impulse, about: its error is of first order in them."""
+FEWEST = 100
+"""Of them: velocities are off by 1.4 % of the speed then, by 8 % with 20 steps, and with 5 balls gain energy."""
+ON_BED = 1e-9
+"""Velocity up or down, over the speed, that rounding gives a ball on the bed."""
 WEDGED = 20
 """So many times the impulse without friction that stops no ball: nose and bed hold it between them."""
 
@@ -41,7 +46,7 @@ def han_2005(
 ) -> tuple[F64, F64]:
     """Velocities and angular velocities (..., 3) after the cushion, of those before; SI."""
     _check("han_2005", radius, nose_height, restitution, friction=friction)
-    v, w = (np.array(x, dtype=np.float64) for x in (velocity, spin))
+    v, w = _moving("han_2005", velocity, spin)
     arm = radius * _towards(radius, nose_height)
     n = arm / radius
     normal = (1 + restitution) * np.maximum(v @ n, 0.0)[..., None]
@@ -65,7 +70,9 @@ def mathavan_2010(
 ) -> tuple[F64, F64]:
     """Velocities and angular velocities (..., 3) after the cushion, of those before; SI."""
     _check("mathavan_2010", radius, nose_height, restitution, friction=friction, bed_friction=bed_friction)
-    v, w = (np.array(x, dtype=np.float64) for x in (velocity, spin))
+    if not is_whole(steps) or steps < FEWEST:
+        raise CaromError(f"mathavan_2010: steps must be a whole number from {FEWEST} on, found {steps!r}")
+    v, w = _moving("mathavan_2010", velocity, spin)
     n = _towards(radius, nose_height)
     arm, down = radius * n, -radius * UP
     step = ((1 + restitution) * np.maximum(v @ n, 0.0) / steps)[..., None]
@@ -102,6 +109,21 @@ def _check(call: str, radius: float, nose_height: float, restitution: float, **f
     for name, value in friction.items():
         if number(call, name, value) < 0:
             raise CaromError(f"{call}: {name} must not be negative, found {value!r}")
+
+
+def _moving(call: str, velocity: ArrayLike, spin: ArrayLike) -> tuple[F64, F64]:
+    """Copies of the velocities and angular velocities of balls on the bed, of one shape (..., 3)."""
+    try:
+        v, w = (np.array(x, dtype=np.float64) for x in np.broadcast_arrays(velocity, spin))
+    except (TypeError, ValueError):  # texts, ragged lists, shapes that do not go together
+        v = w = np.array(np.nan)
+    if v.shape[-1:] != (3,) or not (np.isfinite(v) & np.isfinite(w)).all():
+        raise CaromError(
+            f"{call}: velocity and spin must be (..., 3) finite numbers, of shapes that go together"
+        )
+    if (np.abs(v[..., 2]) > ON_BED * np.linalg.norm(v, axis=-1)).any():
+        raise CaromError(f"{call}: the model is of a ball on the bed; its velocity must have v_z = 0")
+    return v, w
 
 
 def _towards(radius: float, nose_height: float) -> F64:
