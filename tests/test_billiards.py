@@ -194,6 +194,25 @@ def test_wrong_strikes_are_told() -> None:
     assert math.atan2(other.velocity[1], other.velocity[0]) == pytest.approx(1.0)
 
 
+def test_the_impulse_without_a_scene_takes_and_refuses_what_a_strike_does() -> None:
+    texts = {"radius": "28.575 mm", "mass": "170 g", "inertia": f"{BALL['inertia'] * 1e9} g mm^2"}
+    given = cue_impulse(
+        direction="30 deg", speed="7.2 km/h", cue_mass="500 g", end_mass="9 g", side=0.2, **texts
+    )
+    plain = cue_impulse(direction=math.pi / 6, speed=2.0, cue_mass=0.5, end_mass=0.009, side=0.2, **BALL)
+    np.testing.assert_allclose(given.velocity, plain.velocity, rtol=1e-12)
+    np.testing.assert_allclose(given.angular_velocity, plain.angular_velocity, rtol=1e-12)
+    for keys, said in (
+        *(({name: value}, f"{name} must be above 0, found") for name in ("radius", "mass", "inertia") for value in (0, -1)),
+        *(({name: math.nan}, f"{name} must be a finite number") for name in ("radius", "mass", "side", "height")),
+        *(({name: math.inf}, f"{name} must be a finite number") for name in ("speed", "cue_mass", "end_mass")),
+        ({"side": True}, "side must be a finite number of radii of the ball, found True"),
+        ({"mass": "2 m"}, "mass: expected a mass"),
+    ):  # fmt: skip
+        with pytest.raises(CaromError, match=f"strike: {said}"):
+            cue_impulse(**{"direction": 0.0, "speed": 1.0, **BALL, **keys})  # type: ignore[arg-type]
+
+
 # --- what balls do ---------------------------------------------------------------------------------------------------
 
 

@@ -30,8 +30,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 KINDS = sorted(billiards.TABLES)
 ODD: list[dict[str, Any]] = [
     {"corner_mouth": "150 mm", "side_mouth": "70 mm"},
-    {"corner_angle": "90 deg", "side_angle": "170 deg"},
-    {"corner_shelf": 0.0, "side_shelf": "90 mm"},
+    {"corner_angle": "90 deg", "side_angle": "140 deg"},
+    {"corner_shelf": 0.0, "side_shelf": "75 mm"},
     {"length": "900 mm", "width": "400 mm", "ball_radius": "20 mm", "nose_height": "25 mm"},
     {"corner_mouth": 0.0, "side_mouth": 0.0},
 ]

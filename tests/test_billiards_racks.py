@@ -113,6 +113,10 @@ def test_wrong_racks_are_told() -> None:
         ({"balls": 5, "jitter": 1e-4}, "without a seed"),
         ({"balls": 5, "jitter": 1e-3, "seed": 1}, "may overlap"),
         ({"balls": 5, "gap": -1.0}, "below 0"),
+        *(
+            ({"balls": 5, "seed": seed}, "rack: seed must be a whole number from 0")
+            for seed in (-1, 1.5, "a", True)
+        ),
         ({"balls": 5, "gap": "1 kg"}, "gap: expected a length"),
     ):
         with pytest.raises(CaromError, match=said):
@@ -214,6 +218,7 @@ def test_wrong_aims_are_told() -> None:
         ({"order": "9ball"}, "no game is called '9ball'; did you mean 9-ball"),
         ({"order": "9-ball", "balls": 15}, "9-ball has 9 balls, found 15"),
         ({"balls": 16}, "3 to 15"),
+        ({"order": "9-ball", "seed": -1}, "rack: seed must be a whole number from 0, found -1"),
     ):
         with pytest.raises(CaromError, match=said):
             t.rack(t.scene(), **keys)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from carom import CaromError, ScenarioError, billiards, events
 from carom.billiards import TABLES, strike, table
 from carom.cli import main
 from carom.scene.billiards.data import SNOOKER
-from carom.scene.billiards.walls import outlets
+from carom.scene.billiards.walls import noses, outlets
 
 pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
 
@@ -429,3 +429,52 @@ def test_a_ball_that_the_noses_do_not_fit_is_refused_as_the_table_would_be(radiu
     ):
         t.ball(t.scene(), "big", (1.0, 0.5), radius=radius)
     assert t.ball(t.scene(), "fits", (1.0, 0.5), radius=0.0302).radius == 0.0302
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"corner_angle": "179 deg", "corner_mouth": 0.1},
+            "corner_angle of 179 deg crosses .* are 0.08001 m long",
+        ),
+        ({"side_angle": "150 deg"}, "side_angle of 150 deg crosses the facings behind a side_mouth of 0.12"),
+        ({"corner_shelf": 0.3}, "corner_shelf of 0.3 m puts the edge of the slate behind .* are 0.079"),
+        ({"side_shelf": "8 cm"}, "side_shelf of 0.08 m puts the edge of the slate behind .* are 0.077"),
+    ],
+)
+def test_pockets_whose_facings_lead_nowhere_are_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(CaromError, match=f"table: {said}"):
+        table("9ft", **changes)
+    assert table("9ft", **{**changes, "corner_mouth": 0.0, "side_mouth": 0.0})
+
+
+def test_pockets_with_parallel_facings_and_shelves_as_deep_as_they_are() -> None:
+    """At the limits: the ends of the two facings of a pocket are its mouth apart, and the slate's edge is on them."""
+    r = TABLES["9ft"].ball_radius
+    t = table(
+        "9ft", corner_angle="135 deg", side_angle="90 deg", corner_shelf=2.799 * r, side_shelf=2.799 * r
+    )
+    ends = {name: (a, b) for name, a, b in noses(t.spec)}
+    far = [ends["facing right head a"][0], ends["facing head b"][1]]
+    assert math.dist(*far) == pytest.approx(t.spec.corner_mouth)
+    deep = np.mean(far, axis=0) - np.array([t.spec.corner_mouth / math.sqrt(8)] * 2)
+    assert -deep.sum() / math.sqrt(2) == pytest.approx(2.8 * r)
+    sides = [ends["facing right head b"][1], ends["facing right foot a"][0]]
+    assert math.dist(*sides) == pytest.approx(t.spec.side_mouth)
+    assert sides[0][1] == pytest.approx(-2.8 * r)
+
+
+def test_gravity_is_a_magnitude() -> None:
+    with pytest.raises(CaromError, match=r"gravity is a magnitude, which acts down; .* found -9\.8"):
+        table("9ft").scene(gravity=-9.8)
+    assert tuple(table("9ft").scene(gravity=0.0).gravity) == (0.0, 0.0, 0.0)
+
+
+def test_a_density_takes_the_place_of_the_mass_of_the_table() -> None:
+    t = table("9ft")
+    scene = t.scene()
+    dense = t.ball(scene, "dense", (1.0, 0.5), density="1800 kg/m^3")
+    assert dense.mass_kg() == pytest.approx(1800 * 4 / 3 * math.pi * t.spec.ball_radius**3)
+    assert t.ball(scene, "heavy", (1.2, 0.5), mass="1 kg").mass_kg() == 1.0
+    assert t.ball(scene, "usual", (1.4, 0.5)).mass_kg() == t.spec.ball_mass

@@ -9,6 +9,7 @@ import struct
 import time
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -17,6 +18,7 @@ import carom
 import numpy as np
 import pytest
 from carom import CaromError, billiards
+from carom.cli import main
 from carom.play.game import CUE, Aim, Game, set_up
 from carom.play.server import MOST_BYTES, Server
 from carom.play.sight import POINT_S
@@ -278,3 +280,31 @@ def test_a_taken_port_is_named() -> None:
         port = int(server.url.split(":")[2].split("/")[0])
         with pytest.raises(CaromError, match="--port"):
             Server(two_balls(), port=port)
+
+
+def test_a_shot_that_is_cut_says_so() -> None:
+    """Without losses the balls went on after the last moment, and were taken for ones at rest without a word."""
+    table = billiards.table("9ft", corner_mouth=0.0, side_mouth=0.0)
+    laws = replace(billiards.LAWS, rolling_deceleration=0.0, cushion_restitution=1.0, cushion_friction=0.0)
+    scene = table.scene("no rest", laws=laws)
+    table.cue_ball(scene)
+    with Server(Game(scene), port=0) as server:
+        words = server.answer("/shoot", {"speed": 0.1})["words"]  # type: ignore[index]
+    assert (
+        words
+        == "cue hits no ball. Balls still moved after 60 s: the shot was ended there, and they were stopped."
+    )
+    assert two_balls().shoot(Aim(speed=0.5)).words == "cue hits 1 first."
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [(["--rack", "8-ball"], "--rack"), (["--table", "7ft", "--seed", "1"], "--table and --seed")],
+)
+def test_a_scenario_has_its_own_table_and_balls(
+    options: list[str], named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    two_balls().scene.to_toml(tmp_path / "two.toml")
+    with pytest.raises(SystemExit, match="2"):
+        main(["play", str(tmp_path / "two.toml"), *options])
+    assert f"has its own table and balls; leave out {named}, or the scenario" in capsys.readouterr().err

@@ -96,8 +96,15 @@ class Played:
 
     @property
     def words(self) -> str:
-        """The shot in a sentence or two."""
-        return f"{self.shot}{' The cue ball is back on the table.' if self.shot.scratch else ''}"
+        """The shot in a sentence or two, and what was done to its balls afterwards."""
+        told = [str(self.shot)]
+        if self.result.outcome.kind != "stopped":
+            told.append(
+                f"Balls still moved after {LONGEST_S:g} s: the shot was ended there, and they were stopped."
+            )
+        if self.shot.scratch:
+            told.append("The cue ball is back on the table.")
+        return " ".join(told)
 
 
 class Game:

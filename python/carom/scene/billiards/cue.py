@@ -70,20 +70,20 @@ class Strike:
 
 def cue_impulse(
     *,
-    radius: float,
-    mass: float,
-    inertia: float,
+    radius: float | str,
+    mass: float | str,
+    inertia: float | str,
     direction: float | str,
-    speed: float | None = None,
-    ball_speed: float | None = None,
+    speed: float | str | None = None,
+    ball_speed: float | str | None = None,
     side: float = 0.0,
     height: float = 0.0,
     elevation: float | str = 0.0,
-    cue_mass: float = CUE_MASS,
+    cue_mass: float | str = CUE_MASS,
     restitution: float | str = "leather",
-    end_mass: float | None = None,
+    end_mass: float | str | None = None,
 ) -> Strike:
-    """The velocities of a ball at rest after a strike; angles are numbers in rad or texts with a unit ("30 deg").
+    """The velocities of a ball at rest after a strike; arguments are numbers in SI or texts with a unit ("30 deg").
 
     `speed` is that of the cue, or `ball_speed` |v| of the ball after the strike, m/s. The tip touches `side` radii to the
     right of the cue's line through the centre and `height` radii above it, both across the cue as the player sees it.
@@ -99,16 +99,16 @@ def cue_impulse(
     elevation = angle(
         "strike", "elevation", elevation, lambda a: 0 <= a < math.pi / 2, "must be from 0 to below 90 deg"
     )
-    for name, value, good in (
-        ("speed", speed, speed is None or speed > 0),
-        ("ball_speed", ball_speed, ball_speed is None or ball_speed > 0),
-        ("cue_mass", cue_mass, cue_mass > 0),
-        ("end_mass", end_mass, end_mass is None or end_mass > 0),
-        ("restitution", restitution, 0 <= restitution <= 1),
-    ):
-        if not good:
-            span = "from 0 to 1" if name == "restitution" else "above 0"
-            raise CaromError(f"strike: {name} must be {span}, found {value!r}")
+    radius, mass = _above_0("radius", radius, "length"), _above_0("mass", mass, "mass")
+    inertia, cue_mass = (
+        _above_0("inertia", inertia, "moment of inertia"),
+        _above_0("cue_mass", cue_mass, "mass"),
+    )
+    speed = None if speed is None else _above_0("speed", speed, "speed")
+    ball_speed = None if ball_speed is None else _above_0("ball_speed", ball_speed, "speed")
+    end_mass = None if end_mass is None else _above_0("end_mass", end_mass, "mass")
+    side = number("strike", "side", side, unit="of radii of the ball")
+    height = number("strike", "height", height, unit="of radii of the ball")
     offset = math.hypot(side, height)
     if not offset < 1:
         raise CaromError(
@@ -117,13 +117,8 @@ def cue_impulse(
     if offset > MISCUE:
         told = f"strike: the tip is {offset:.2g} radii off the centre; beyond {MISCUE:g} real tips slip (a miscue)"
         warnings.warn(told, CaromWarning, stacklevel=3)
-    along = np.array(
-        [
-            math.cos(elevation) * math.cos(direction),
-            math.cos(elevation) * math.sin(direction),
-            -math.sin(elevation),
-        ]
-    )
+    flat = np.array([math.cos(direction), math.sin(direction), 0.0])
+    along = np.array([*(math.cos(elevation) * flat[:2]), -math.sin(elevation)])
     right = np.array([math.sin(direction), -math.cos(direction), 0.0])
     above = np.cross(right, along)
     depth = math.sqrt(1.0 - offset * offset)
@@ -143,7 +138,6 @@ def cue_impulse(
         assert ball_speed is not None
         speed = mass * ball_speed * compliance / ((1.0 + restitution) * float(np.linalg.norm(line)))
     impulse = (1.0 + restitution) * speed / compliance
-    flat = np.array([math.cos(direction), math.sin(direction), 0.0])
     return Strike(
         velocity=impulse / mass * line,
         angular_velocity=impulse / inertia * lever,
@@ -170,7 +164,7 @@ def strike(
     """Strike a ball of a scene that lies still: sets its velocity and angular velocity, and returns what it set.
 
     `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table.
-    The other arguments are those of `cue_impulse`, numbers in SI or texts with a unit: `speed="20 mph"`.
+    The other arguments are those of `cue_impulse`: `speed="20 mph"`.
     """
     ball = sphere("strike", "ball", ball)
     if any(ball.velocity) or any(ball.angular_velocity):
@@ -188,24 +182,33 @@ def strike(
         mass=ball.mass_kg(),
         inertia=ball.inertia_kg_m2(),
         direction=direction,
-        speed=None if speed is None else number("strike", "speed", speed, "speed"),
-        ball_speed=None if ball_speed is None else number("strike", "ball_speed", ball_speed, "speed"),
-        side=number("strike", "side", side, unit="of radii of the ball"),
-        height=number("strike", "height", height, unit="of radii of the ball"),
+        speed=speed,
+        ball_speed=ball_speed,
+        side=side,
+        height=height,
         elevation=elevation,
-        cue_mass=number("strike", "cue_mass", cue_mass, "mass"),
+        cue_mass=cue_mass,
         restitution=restitution,
-        end_mass=None if end_mass is None else number("strike", "end_mass", end_mass, "mass"),
+        end_mass=end_mass,
     )
     ball.velocity = tuple(found.velocity.tolist())
     ball.angular_velocity = tuple(found.angular_velocity.tolist())
     return found
 
 
+def _above_0(name: str, given: float | str, dimension: str) -> float:
+    value = number("strike", name, given, dimension)
+    if not value > 0:
+        raise CaromError(f"strike: {name} must be above 0, found {given!r}")
+    return value
+
+
 def _tip(given: float | str) -> float:
     """A restitution, or that of a tip by its name."""
     if not isinstance(given, str):
-        return number("strike", "restitution", given, unit="without a unit")
+        if not 0 <= number("strike", "restitution", given, unit="without a unit") <= 1:
+            raise CaromError(f"strike: restitution must be from 0 to 1, found {given!r}")
+        return float(given)
     if given not in TIPS:
         raise CaromError(
             f"strike: restitution: no tip is called {given!r}; {did_you_mean(given, list(TIPS))}"

@@ -33,6 +33,7 @@ def numbers_of(order: str, seed: int | None = None) -> list[int]:
     """
     if order not in GAMES:
         raise CaromError(f"rack: no game is called {order!r}; {did_you_mean(str(order), list(GAMES))}")
+    _check_seed(seed)
     count = GAMES[order]
     middle = 8 if order == "8-ball" else count
     free = [number for number in range(2, count + 1) if number != middle]
@@ -79,6 +80,7 @@ def rack_places(
         number("rack", name, value, "length")
         for name, value in (("radius", radius), ("gap", gap), ("jitter", jitter))
     )
+    _check_seed(seed)
     if not gap >= 0 or not jitter >= 0:
         raise CaromError(f"rack: gap and jitter must not be below 0, found {gap!r} and {jitter!r}")
     if jitter and seed is None:
@@ -99,3 +101,8 @@ def rack_places(
         places += [(k * sqrt(3) / 2 * pitch, (0.5 * (full - 1) - first - i) * pitch) for i in range(count)]
     found = np.array(places)
     return found + jitter * uniform(seed, found.shape) if jitter and seed is not None else found
+
+
+def _check_seed(seed: int | None) -> None:
+    if seed is not None and (not is_whole(seed) or seed < 0):
+        raise CaromError(f"rack: seed must be a whole number from 0, found {seed!r}")

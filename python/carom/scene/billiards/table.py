@@ -104,7 +104,10 @@ class Table:
         """
         if not run.keys() & {"method", "step"}:
             run = {"method": "events", "step": FRAME_S, **run}
-        gravity = number("scene", "gravity", gravity, unit="in m/s^2")
+        if number("scene", "gravity", gravity, unit="in m/s^2") < 0:
+            raise CaromError(
+                f"scene: gravity is a magnitude, which acts down; it must not be negative, found {gravity!r}"
+            )
         if not isinstance(laws, Laws):
             raise CaromError(f"scene: laws must be of billiards.Laws, as billiards.LAWS is, found {laws!r}")
         scene = Scene(
@@ -132,7 +135,9 @@ class Table:
         r = number("ball", "radius", keys.get("radius", self.spec.ball_radius), "length")
         x, y, z = [*vector("ball", "at", at, "length"), r][:3]
         check_place(self, name, (x, y, z), r)
-        given = {"radius": r, "mass": self.spec.ball_mass, "material": "ball", "position": (x, y, z), **keys}
+        given = {"radius": r, "material": "ball", "position": (x, y, z), **keys}
+        if keys.get("density") is None:
+            given.setdefault("mass", self.spec.ball_mass)
         return scene.sphere(name, **given)
 
     def cue_ball(self, scene: Scene, at: str | Sequence[float | str] = "head spot", **keys: Any) -> Sphere:

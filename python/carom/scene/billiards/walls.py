@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.scene.billiards.data import Spec
+from carom.scene.tables.billiard import FACING
 
 if TYPE_CHECKING:
     from carom.scene.scene import Scene
@@ -29,8 +30,6 @@ FAR = 10.0
 """Where outlets end, m."""
 STAIRS = 8
 """Boxes that stand for the slanted edge of the slate in a corner."""
-FACING = 2.8
-"""Length of a facing, in radii of a ball."""
 RAIL = 3.0
 """Width of the rectangle behind a nose, in radii of a ball."""
 

@@ -11,6 +11,8 @@ from carom.scene.tables.base import Table
 from carom.scene.tables.fields import Bounds, Quantity, Text, refuse
 from carom.scene.tables.quantities import Distance, Length, Mass, key
 
+FACING = 2.8
+"""Length of a facing, in radii of a ball."""
 Angle = Annotated[float, Quantity("angle", Bounds(ge=math.pi / 2, lt=math.pi))]
 
 
@@ -72,4 +74,17 @@ def misfit(table: Any) -> str | None:
             f"pockets of {corner:g} m (corner_mouth) and {side:g} m (side_mouth) leave no cushion on"
             f" {length:g} m x {width:g} m"
         )
+    return _pocket_misfit(table, "corner", 135.0) or _pocket_misfit(table, "side", 90.0) if corner else None
+
+
+def _pocket_misfit(table: Any, kind: str, parallel: float) -> str | None:
+    """Why no pocket of a kind is like that: facings, `parallel` at that angle (deg), lead from mouth to slate's edge."""
+    mouth, shelf, angle = (getattr(table, f"{kind}_{key}") for key in ("mouth", "shelf", "angle"))
+    lean, length = angle - math.radians(parallel), FACING * table.ball_radius
+    if 2 * length * math.sin(lean) >= mouth:
+        told = f"{kind}_angle of {math.degrees(angle):g} deg"
+        return f"{told} crosses the facings behind a {kind}_mouth of {mouth:g} m; they are {length:g} m long"
+    if shelf > length * math.cos(lean):
+        deep = length * math.cos(lean)
+        return f"{kind}_shelf of {shelf:g} m puts the edge of the slate behind the facings, which are {deep:g} m deep"
     return None
