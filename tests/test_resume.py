@@ -187,12 +187,16 @@ def test_another_build_of_the_same_version_is_mentioned(
         carom.resume(run, until=0.2)
 
 
-def test_without_any_checkpoint_the_run_begins_again(scene: Any, tmp_path: Path) -> None:
+def test_without_any_checkpoint_a_killed_run_begins_again(scene: Any, tmp_path: Path) -> None:
     carom.simulate(scene, until=0.2, out=tmp_path / "whole")
     run = tmp_path / "run"
     carom.simulate(scene, until=0.1, out=run)
     for path in checkpoint.found(run):  # as if killed before the first
         path.unlink()
+    killed = about(run) | {"status": "running", "outcome": None}
+    del killed["summary"], killed["finished"]
+    (run / "run.json").write_text(json.dumps(killed))
+    content = (run / "results.h5").read_bytes()
     with pytest.warns(
         carom.CaromWarning, match=r"there is no checkpoint \(yet\); the run begins anew"
     ) as told:
@@ -201,6 +205,29 @@ def test_without_any_checkpoint_the_run_begins_again(scene: Any, tmp_path: Path)
         Path(__file__).name
     ]  # it points at the caller
     assert everything(run) == everything(tmp_path / "whole")
+    assert (run / "results.h5").read_bytes() == content  # the same bits, as far as it had come
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_a_record_without_checkpoints_is_not_replaced_unasked(keep: bool, scene: Any, tmp_path: Path) -> None:
+    """A ball was struck in it: what the scenario gives is another motion, without that ball's velocity."""
+    simulation = carom.Simulation(scene, every=7, keep=keep)
+    simulation.step(10)
+    state = simulation.state()
+    state["velocity"][0] += (0.0, 0.0, 3.0)
+    simulation.restore(state)
+    simulation.step(13)
+    run = tmp_path / "run"
+    simulation.result().save(run)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    with pytest.raises(CaromError, match=r"has no checkpoint.*--checkpoint start.*aside"):
+        carom.resume(run, until=0.3)
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    carom.resume(run, until=0.3, checkpoint="start")
+    assert (run / "results.h5.aside").read_bytes() == before["results.h5"]
+    carom.simulate(scene, until=0.3, every=7, out=tmp_path / "whole")
+    assert everything(run) == everything(tmp_path / "whole")
+    assert carom.audit.check(run).ok  # which refuses a record of a state that was restored
 
 
 @pytest.mark.usefixtures("small_blocks")

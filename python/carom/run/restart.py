@@ -75,8 +75,13 @@ def choose(directory: RunDir, about: Mapping[str, Any], wish: Wish) -> Checkpoin
         )
     judge = functools.partial(_judged, directory, about, wish.any_version)
     wanted = CHOICES.index(wish.checkpoint)
-    if wanted >= len(paths):  # killed before the first one
-        complaint = _missing(directory, Rows())
+    if wanted >= len(paths):
+        if "summary" in about:  # it was not cut short, and such a run in a directory leaves one
+            raise CaromError(
+                f"{directory.path} has no checkpoint: its result was kept in memory and saved, or they were removed;"
+                f" `{here} --checkpoint start` computes the run anew from its scenario, and puts these results aside"
+            )
+        complaint = _missing(directory, Rows())  # killed before the first one
         if complaint:
             raise CaromError(f"{complaint}; `{here} --checkpoint start` computes the run anew")
         return None
