@@ -362,3 +362,26 @@ def test_advice_names_the_line_that_simulates() -> None:
 def test_the_typed_options_are_what_their_tool_writes() -> None:
     tool = Path(__file__).parent.parent / "tools" / "keywords.py"
     assert subprocess.run([sys.executable, tool, "--check"], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_a_run_that_lost_only_run_json_keeps_its_results(drawn: bool, tmp_path: Path) -> None:
+    scene, run = fake_sim.hopping("one"), tmp_path / "run"
+    carom.simulate(scene, until=0.1, out=run)
+    about = (run / "run.json").read_bytes()
+    (run / "run.json").unlink()
+    if drawn:
+        (run / "plots").mkdir()
+        (run / "plots" / "energies.png").touch()
+    there = {path.name for path in run.iterdir()}
+    told = r"run\.json is missing, and results\.h5, checkpoint-000000000100\.npz of the run are there; put it back"
+    for use in (
+        carom.load,
+        carom.resume,
+        lambda path: carom.simulate(scene, until=0.1, out=path, force=True),
+    ):
+        with pytest.raises(CaromError, match=told):
+            use(run)
+    assert {path.name for path in run.iterdir()} == there
+    (run / "run.json").write_bytes(about)
+    assert carom.load(run).outcome.ok

@@ -116,6 +116,7 @@ class RunDir:
             for file in path.glob(pattern):
                 regular(file)
         if not (path / "run.json").is_file():
+            cls(path)._refuse_lost()
             if path.is_dir() and not any(path.iterdir()):
                 raise CaromError(
                     f"{path} is empty, not a run directory; if a run was stopped there before it wrote anything, start it"
@@ -147,6 +148,7 @@ class RunDir:
             if path.is_dir() and force:
                 old = cls(path)
                 if any(path.iterdir()) and not (old.about.exists() or old._is_own()):
+                    old._refuse_lost()
                     raise CaromError(
                         f"{path} holds other files and is not a run directory; choose another directory"
                     )
@@ -280,7 +282,19 @@ class RunDir:
     def _is_own(self) -> bool:
         """Whether it is what a run leaves that was killed before it wrote `run.json`: the log, and nothing foreign."""
         there = set(self.path.iterdir())
-        return self.log_file in there and there <= set(self._own())
+        return self.log_file in there and there <= set(self._own()) and not self._results()
+
+    def _results(self) -> list[str]:
+        """What there is that is written after `run.json` and removed before it."""
+        return [path.name for path in (*self.segments(), *sorted(self.path.glob("checkpoint-*.npz")))]
+
+    def _refuse_lost(self) -> None:
+        """Raise where `run.json` of a run was lost: neither is its result nothing, nor is it to be replaced."""
+        if self.log_file.exists() and not self.about.exists() and (found := self._results()):
+            raise CaromError(
+                f"{self.about} is missing, and {', '.join(found)} of the run are there; put it back, as from a copy, or"
+                " choose another directory for a new run"
+            )
 
     def remove(self) -> None:
         """Delete what a run writes, and the directory if nothing else is in it."""
