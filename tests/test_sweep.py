@@ -240,6 +240,19 @@ class TestInThisProcess:
         assert again["carom"].tolist() == [carom.__version__, "0.0.9"]
         assert again["build"].tolist() == [found["build"][0], "ef" * 20]
 
+    def test_a_run_that_is_kept_says_which_case_it_is(self, files: Path) -> None:
+        """All parameters of the file, and those of the study: those that go to laws, to `[run]`, or into the file."""
+        axes = {"speed": [2.0], "more": [0.1, 0.3], "run.step": [1e-3]}
+        for targets in ({"ball/ball.friction": "= more", "v": "= 2*speed"}, {"v": "= speed + more"}):
+            study = carom.Study.of(files / "slide.toml", axes, set=targets, keep_runs=True)
+            folder = files / f"out{len(targets)}"
+            found = carom.sweep(study, folder, workers=0)
+            for case, name in enumerate(study.ids):
+                given = {key: float(found[key][case]) for key in axes}
+                v = 4.0 if len(targets) == 2 else 2.0 + given["more"]
+                run = carom.load(folder / "runs" / name)
+                assert run.parameters == {**given, "mu": 0.2, "v": v} == found.scene(case).parameters
+
     @pytest.mark.parametrize(
         ("returned", "words"),
         [

@@ -212,7 +212,7 @@ class RunData(Frames[Column]):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the parameters of the scenario file, SI."""
+        """Values of the parameters of the scenario file, and of those of the study whose case it is, SI."""
         return dict(self._about.get("scenario", {}).get("parameters", {}))
 
     @cached_property

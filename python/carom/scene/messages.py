@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import takewhile
@@ -41,6 +42,7 @@ class Source:
         self.name, self.text, self.raw = name, text, raw
         self.case: str | None = None
         self.parameters: Mapping[str, float] = {}
+        self._is_text = True
         self._map: LineMap | None = None
 
     @property
@@ -49,8 +51,16 @@ class Source:
             self._map = LineMap(self.text)
         return self._map
 
+    def varied(self, values: Mapping[str, float], *, is_text: bool) -> Source:
+        """That of a case of a study, which has `values` of its own; not `is_text`: its numbers are no longer those here."""
+        found = copy.copy(self)
+        found.parameters, found._is_text = {**values, **self.parameters}, is_text
+        return found
+
     def holds(self, path: Path) -> bool:
         """Whether the table that `path` leads into was in the text (tables may have been added since)."""
+        if not self._is_text:
+            return False
         if len(path) < 2 or not isinstance(path[1], int):
             return True
         entries = self.raw.get(str(path[0]))

@@ -7,6 +7,7 @@ next to nothing per case (`carom.many.cases`); for the other two the scene is bu
 
 from __future__ import annotations
 
+import copy
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -173,7 +174,7 @@ class Targets:
         return found
 
     def _at(self, key: str, text: str, case: int) -> float:
-        here = {name: float(values[case]) for name, values in self.points.items()}
+        here = self.here(case)
         try:
             return float(_parsed(text).evaluate(here))
         except ValueError as error:
@@ -189,10 +190,16 @@ class Targets:
 
     def scene(self, case: int) -> Scene:
         """The scene of a case, as it would be simulated by itself."""
-        scene = self.of_text(case)
+        scene = read = copy.copy(self.of_text(case))
         if self.of_arrays:
             scene = Overrides(scene, self.values(self.of_arrays, range(case, case + 1))).scene(0)
+        assert read._source is not None  # `parse` has made it
+        scene._source = read._source.varied(self.here(case), is_text=not self.of_arrays)
         return scene
+
+    def here(self, case: int) -> dict[str, float]:
+        """The values of the study's parameters in a case."""
+        return {name: float(values[case]) for name, values in self.points.items()}
 
     def possible(self, case: int) -> Scene:
         """The scene of a case as `of_text` makes it; refuses what `of_arrays` sets to where no scenario may be."""
