@@ -185,6 +185,15 @@ def test_an_existing_run_is_refused(runs: Path) -> None:
         (["run", "absent.toml"], "absent.toml: no such file"),
         (["run", "three_balls.toml", "--set", "step"], "not KEY=VALUE"),
         (["run", "three_balls.toml", "--set", "stpe=1"], "write step="),
+        (
+            ["run", "three_balls.toml", "--set", "run.step=1e-3", "--set", "step=2e-3"],
+            "--set step: --set run.step sets step, too; leave out one of the two",
+        ),
+        (
+            ["run", "three_balls.toml", "--set", "until=0.2", "--until", "0.3"],
+            "--until: --set until sets until, too",
+        ),
+        (["run", "three_balls.toml", "--set", "step=1", "--set", "step=1"], "--set step sets step, too"),
         (["run", "three_balls.toml", "--until", "2 kg"], "--until: expected a time"),
         (["run", "three_balls.toml", "--set", "step=-1"], "--set step: must be positive"),
         (["run", "three_balls.toml", "--set", "dt=1"], "--set dt: unknown option; write step="),
@@ -314,7 +323,7 @@ def test_a_run_that_failed_goes_on_with_other_numerical_options(runs: Path) -> N
         "would fail there again; change how it is solved" in cli("resume", "stuck", cwd=runs, code=2).stderr
     )
     for wrong, words in (
-        ("step=1e-4", "cannot change within a run"),
+        ("step=1e-4", "cannot change within a run, only until, tolerance, "),
         ("tol=1", "did you mean tolerance?"),
         ("contacts=false", "start a new run for it"),  # not "did you mean dense_contacts?"
         ("pile_tolerance=0", "carom: --set pile_tolerance: must be"),

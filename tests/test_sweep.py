@@ -211,7 +211,7 @@ class TestInThisProcess:
             of(files / "slide.toml", {"mu": [0.1], "ball/ball.friction": [0.2]})
         with pytest.raises(carom.CaromError, match=r"parameters.v does nothing: .*cue.velocity.x"):
             of(files / "slide.toml", {"v": [0.1], "s": [1.0]}, set={"cue.velocity.x": "= s"})
-        with pytest.raises(carom.CaromError, match=r"run.step: the study gives run.step twice"):
+        with pytest.raises(carom.CaromError, match=r"run.step: step sets step, too; leave out one"):
             of(files / "slide.toml", {"step": [1e-3], "run.step": [1e-3]})
         with pytest.raises(carom.CaromError, match=r"run.step: the study gives it twice, fixed and varied"):
             of(files / "slide.toml", {"run.step": [1e-3]}, step=1e-4)

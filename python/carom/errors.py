@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from importlib import import_module  # noqa: TID251 the packages of extras
 from itertools import islice
-from typing import Any
+from typing import Any, TypeVar
 
 SHOWN = 50
 """Problems printed by `str(error)`; a generated file can have one per sphere. `error.problems` holds all of them."""
@@ -117,6 +117,20 @@ def quoted(value: object) -> str:
 def counted(n: int, what: str) -> str:
     """`1 step`, `2 steps`."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+V = TypeVar("V")
+
+
+def only_once(given: Iterable[tuple[str, str, V]]) -> dict[str, V]:
+    """Values by their place, of places, what messages call who set them, and values; refuses a place that is set twice."""
+    found: dict[str, V] = {}
+    setters: dict[str, str] = {}
+    for place, setter, value in given:
+        if place in found:
+            raise CaromError(f"{setter}: {setters[place]} sets {place}, too; leave out one of the two")
+        found[place], setters[place] = value, setter
+    return found
 
 
 SYNONYMS: dict[str, tuple[str, ...]] = {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from carom.cli.output import note
-from carom.errors import CaromError, Problem, ScenarioError, did_you_mean
+from carom.errors import CaromError, Problem, ScenarioError, did_you_mean, only_once
 from carom.files import csv_bytes
 
 if TYPE_CHECKING:
@@ -127,36 +127,35 @@ def loaded(run: Path) -> Result:
 
 def settings(pairs: list[str]) -> dict[str, Any]:
     """`KEY=VALUE` options as keywords of `carom.simulate`; values are TOML, and what is not TOML is a string."""
-    return {
-        key.removeprefix("run.").removeprefix("record."): value for key, value in _assignments(pairs).items()
-    }
+    return overrides(pairs, None)[0]
 
 
-def _assignments(pairs: list[str]) -> dict[str, Any]:
-    """Values by their keys as they are written, with or without the section before a point; numbers as of `--until`."""
+def _assignments(pairs: list[str]) -> list[tuple[str, Any]]:
+    """Keys as they are written, with or without the section before a point, and values; numbers as of `--until`."""
     import tomllib
 
-    found: dict[str, Any] = {}
+    found: list[tuple[str, Any]] = []
     for pair in pairs:
         key, equals, text = pair.partition("=")
         key = key.strip()
         if not equals or not key.rpartition(".")[2]:
             raise typer.BadParameter(f"{pair!r} is not KEY=VALUE; write for example --set step=1e-4")
         try:
-            found[key] = tomllib.loads(f"value = {text.strip()}")["value"]
+            found.append((key, tomllib.loads(f"value = {text.strip()}")["value"]))
         except tomllib.TOMLDecodeError:
-            found[key] = number(text.strip())
+            found.append((key, number(text.strip())))
     return found
 
 
 def overrides(set_: list[str] | None, until: str | None) -> tuple[dict[str, Any], dict[str, str]]:
     """The keys given on the command line, and how a message calls the place of each."""
-    options = settings(set_ or [])
-    places = {key: f"--set {key}" for key in options}
+    given = [
+        (key.removeprefix("run.").removeprefix("record."), f"--set {key}", value)
+        for key, value in _assignments(set_ or [])
+    ]
     if until is not None:
-        options["until"] = number(until)
-        places["until"] = "--until"
-    return options, places
+        given.append(("until", "--until", number(until)))
+    return only_once(given), {place: told for place, told, _ in given}
 
 
 def scene(scenario: Path, case: str | None, set_: list[str] | None, until: str | None = None) -> Scene:
@@ -164,9 +163,10 @@ def scene(scenario: Path, case: str | None, set_: list[str] | None, until: str |
     from carom.scene.scene import Scene
 
     parameters = _parameters(scenario, set_ or [])
-    rest = [pair for pair in set_ or [] if pair.partition("=")[0].strip() not in parameters]
+    taken = {key for key, _ in parameters}
+    rest = [pair for pair in set_ or [] if pair.partition("=")[0].strip() not in taken]
     options, places = overrides(rest, until)
-    given = {key.removeprefix(_PARAMETERS): value for key, value in parameters.items()}
+    given = only_once((key.removeprefix(_PARAMETERS), f"--set {key}", value) for key, value in parameters)
     found = Scene.from_toml(scenario, case=case, parameters=given)
     return found.overridden(options, places) if options else found
 
@@ -174,25 +174,25 @@ def scene(scenario: Path, case: str | None, set_: list[str] | None, until: str |
 _PARAMETERS = "parameters."
 
 
-def _parameters(scenario: Path, pairs: list[str]) -> dict[str, Any]:
-    """Those settings that concern parameters of the file, by their keys as they are written."""
+def _parameters(scenario: Path, pairs: list[str]) -> list[tuple[str, Any]]:
+    """Those settings that concern parameters of the file, with their keys as they are written."""
     assigned = _assignments(pairs)
     if not assigned:
-        return {}
+        return []
     from carom.scene.tables.model import SINGLE
     from carom.scene.toml import load
 
     known, _ = load.variants(scenario)
     options = {key: name for name in ("run", "record") for key in SINGLE[name].model_fields}
-    found = {}
-    for key, value in assigned.items():
+    found = []
+    for key, value in assigned:
         if key.startswith(_PARAMETERS) or key in known:
             if key in options:
                 raise CaromError(
                     f"--set {key}: both a parameter of the file and a key of [{options[key]}] are called so;"
                     f" write --set {_PARAMETERS}{key}=... or --set {options[key]}.{key}=..."
                 )
-            found[key] = value
+            found.append((key, value))
         elif known and key.rpartition(".")[2] not in options:
             cause = "is neither a parameter of the file nor a key of [run] or [record]"
             raise ScenarioError([Problem(f"--set {key}", "", cause, did_you_mean(key, [*known, *options]))])

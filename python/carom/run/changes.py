@@ -12,9 +12,10 @@ from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
 from carom.scene.tables.model import SINGLE
 
-#: Options that may change when a run is continued: how hard the contact problems are solved, not which ones; and
+#: Options that may change when a run is continued: its end; how hard the contact problems are solved, not which ones; and
 #: when checkpoints are written.
 CHANGEABLE = (
+    "until",
     *("tolerance", "pile_tolerance", "tolerance_floor", "gap_tolerance", "solver", "max_iterations"),
     *("penalty_scale", "proximal_shift", "line_search", "max_line_search", "max_problems", "dense_contacts"),
     *("gauss_seidel_sweeps", "max_halvings", "on_nonconvergence", "threads"),
@@ -25,7 +26,7 @@ CHANGEABLE = (
 def refuse_other_physics(options: Mapping[str, Any], places: Mapping[str, str]) -> None:
     """Raise unless all `options` may change within a run."""
     for key in options:
-        if key not in ("until", *CHANGEABLE):
+        if key not in CHANGEABLE:
             known = any(key in SINGLE[name].model_fields for name in ("run", "record"))
             meant = None if known else nearest(key, CHANGEABLE)
             cure = f"did you mean {meant}?" if meant else "start a new run for it"

@@ -19,7 +19,7 @@ import numpy as np
 
 from carom._core import Expression, ExpressionError
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean, quoted
+from carom.errors import CaromError, did_you_mean, only_once, quoted
 from carom.many.batch_result import KINEMATICS
 from carom.many.cases import Overrides, refuse_numbers
 from carom.scene.scene import Scene
@@ -86,14 +86,12 @@ class Targets:
                     f' as "cue.velocity.x" = "= {name}"'
                 )
         rest = {name: name for name in points if name in goes}
-        sorted_: tuple[dict[str, str], ...] = ({}, {}, {})
+        sorted_: tuple[list[tuple[str, str, str]], ...] = ([], [], [])
         for key, expression in {**rest, **given}.items():
             kind = 0 if key in known else 1 if _option(key, options) else 2
             place = key.removeprefix("run.").removeprefix("record.") if kind == 1 else key
-            if kind == 1 and place in sorted_[1]:
-                raise CaromError(f"{key}: the study gives run.{place} twice; leave out one of the two")
-            sorted_[kind][place] = expression
-        return cls(text, source, folder, case, run, points, base, *sorted_)
+            sorted_[kind].append((place, key, expression))
+        return cls(text, source, folder, case, run, points, base, *map(only_once, sorted_))
 
     @property
     def expressions(self) -> dict[str, dict[str, str]]:
