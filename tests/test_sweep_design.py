@@ -55,6 +55,7 @@ class TestDesigns:
             ({"low": 2, "high": 1}, "low = 2, high = 1; wanted low < high"),
             ({"low": 0, "high": 1, "log": True}, "wanted 0 < low < high"),
             ({"low": 0, "heigh": 1}, "unknown key heigh; did you mean high?"),
+            ({"step": [1e-3]}, 'unknown key step; for a place of this name write it in quotes: "a.step"'),
             ([], "the list of values is empty"),
             ([1, "2"], "expected numbers in SI units, found '2'"),
             ({"seeds": 0}, "parameters.a.seeds: expected a whole number from 1"),

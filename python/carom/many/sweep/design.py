@@ -49,7 +49,10 @@ class Axis:
         known = ("values", "low", "high", "count", "log", "seeds")
         for key in given:
             if key not in known:
-                raise CaromError(f"parameters.{name}: unknown key {key}; {did_you_mean(key, known)}")
+                cure = did_you_mean(key, known)
+                if isinstance(given[key], (list, dict)):  # TOML takes a name with a point for a table
+                    cure = f'for a place of this name write it in quotes: "{name}.{key}" = ...'
+                raise CaromError(f"parameters.{name}: unknown key {key}; {cure}")
         if "seeds" in given:
             count = _whole(f"parameters.{name}.seeds", given.pop("seeds"))
             if given:
