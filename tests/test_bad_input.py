@@ -518,6 +518,8 @@ class TestFiles:
         assert "no such file; did you mean" in self.error(tmp_path / "brake.toml")
         assert "no such file; check the path" in self.error(tmp_path / "nowhere" / "x.toml")
         assert "no such file" in self.error("nowhere.toml")
+        (tmp_path / "e.toml").touch()  # the ending makes no names alike
+        assert "no such file; check the path" in self.error(tmp_path / "nope.toml")
 
     def test_directory(self, tmp_path: Path) -> None:
         assert "is a directory" in self.error(tmp_path)

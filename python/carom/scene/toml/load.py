@@ -79,12 +79,12 @@ def read_text(path: str | Path) -> str:
 def _files_beside(path: Path) -> str:
     """A cure for a name that does not exist: the nearest scenario in the same directory, or the example of that name."""
     try:
-        names = [p.name for p in path.parent.glob("*.toml")]
+        stems = [p.stem for p in path.parent.glob("*.toml")]
     except (OSError, ValueError):
-        names = []
-    best = get_close_matches(path.name, names, n=1, cutoff=0.5)
+        stems = []
+    best = get_close_matches(path.stem, stems, n=1, cutoff=0.5)
     if best:
-        return f"did you mean {path.parent / best[0]}?"
+        return f"did you mean {path.parent / best[0]}.toml?"
     if example := named(path.as_posix()):
         return f"it comes with Carom: `carom examples copy {example[0]}` copies it to {example[0].rpartition('/')[2]}.toml"
     return "check the path"
