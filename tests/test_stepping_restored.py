@@ -214,3 +214,22 @@ def test_what_is_no_number_of_steps_and_no_choice_is_refused() -> None:
         resting(keep="no")
     with pytest.raises(carom.CaromError, match="checkpoint_steps: it writes no checkpoints"):
         resting(checkpoint_steps=3)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"stepp": 1e-3}, r"^carom\.Simulation: stepp: unknown option; write step="),
+        ({"step": -1.0}, r"^carom\.Simulation: step: must be positive"),
+        ({"every": 0}, r"^carom\.Simulation: every: "),
+    ],
+)
+def test_messages_name_what_was_called(given: dict[str, float], told: str) -> None:
+    scene = carom.Scene("free", gravity=(0, 0, 0))
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    scene.sphere("a", radius=0.05, mass=1.0, at=(0, 0, 0), velocity=(3, 0, 0), material="m")
+    scene.sphere("b", radius=0.05, mass=1.0, at=(1, 0, 0), material="m")
+    with pytest.raises(carom.CaromError, match=told):
+        carom.Simulation(scene, **given)  # type: ignore[arg-type]
+    with pytest.warns(carom.CaromWarning, match=r"^carom\.Simulation: step: a step of 0\.001 s moves"):
+        carom.Simulation(scene, step=1e-3)

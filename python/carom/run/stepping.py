@@ -33,6 +33,11 @@ if TYPE_CHECKING:
     from carom.scene.scene import Scene
     from carom.scene.tables.keywords import Options
 
+#: What messages call it.
+_CALLED = "carom.Simulation"
+#: Its keywords besides those of `[run]` and `[record]`.
+_OWN = ("case", "parameters", "keep")
+
 
 class _Last(Sink):
     """The newest block: it counts the contacts."""
@@ -79,9 +84,10 @@ class Simulation(State):
         if unused := [key for key in options if key.startswith("checkpoint_")]:
             raise CaromError(f"Simulation: {unused[0]}: it writes no checkpoints; keep what state() returns")
         scene = scene_of(scene, "Simulation", case=case, parameters=parameters)
-        scene = scene.with_options(**options) if options else scene
+        scene = scene.overridden(options, dict.fromkeys(options, _CALLED), _OWN) if options else scene
         if scene.run.until is None:
-            scene = scene.with_options(until=scene.run.step, every=scene.record.every or 1)
+            endless = {"until": scene.run.step, "every": scene.record.every or 1}
+            scene = scene.overridden(endless, dict.fromkeys(endless, _CALLED))
         for advice in scene.validate():
             warnings.warn(str(advice), CaromWarning, stacklevel=2)
         self._run, self._keep = Run(scene), bool(keep)
