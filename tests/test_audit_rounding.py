@@ -168,3 +168,37 @@ def test_a_stress_that_fades_from_the_record_leaves_what_it_was_solved_to(tolera
     assert most[800:].min() < 1e-3 * most.max()
     report = carom.audit.check(result)
     assert report.ok, report.findings
+
+
+@pytest.mark.parametrize("speed", [1e-6, 1e-8])
+def test_a_spin_that_ends_in_a_bowl_is_right(speed: float) -> None:
+    """Loads are not solved again where their normals turned by less than a share of `closing_tolerance_speed`. What a body
+    turns with has then a part of that share along its new normal, on which no spinning moment acts.
+    """
+    radius, bowl = 0.0262, 0.32
+    normal = np.array([-0.848, 0.213, -0.486])
+    normal /= np.linalg.norm(normal)
+    velocity = np.array([0.044, -0.28, -0.204])
+    velocity -= velocity @ normal * normal
+    scene = carom.Scene("bowl", gravity=(8.27, -2.47, 4.05), run={"until": 0.02, "step": 5e-4})
+    scene.contact("m", "m", friction=0.9, restitution=0.0, spinning_radius=0.003)
+    scene.ball_wall("bowl", point=(0, 0, 0), radius=bowl, material="m")
+    turn = np.cross(normal, velocity) / radius + 0.1 * normal
+    scene.sphere(
+        "ball",
+        radius=radius,
+        mass=1.88,
+        material="m",
+        at=tuple((radius - bowl) * normal),
+        velocity=tuple(velocity),
+        angular_velocity=tuple(turn),
+    )
+    run = carom.simulate(scene, closing_tolerance_speed=speed)
+    last = run.contacts.at(len(run.time) - 1)
+    spin = abs(np.asarray(run.angular_velocity)[-1, 0] @ last["normal"][0])
+    assert spin < 0.2 * speed * np.linalg.norm(run.angular_velocity[-1, 0])
+    assert (spin > 1e-8) == (speed == 1e-6)
+    assert np.linalg.norm(last["moment"][0]) < 1e-9
+    report = carom.audit.check(run)
+    assert report.ok, report.findings
+    assert report["roll"].judged > 30

@@ -220,17 +220,14 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     left = left + np.where(block.large, floor(block, fastest), 0.0)[c.k]
     defects, bounds = [], []
     of_images = carried.image_speed(block, c.k, block.image(c.k, c.a, c.b))
-    # Loads are not solved again where their normals turned by next to nothing since. Their impulses turn with these, what
-    # they hold does not: attraction, and the speeds before.
-    share = 2.0 * KEPT * run.loosest["closing_tolerance_speed"] * run.loads_once
-    kept = share * forces.together(block, np.nan_to_num(_within(block)[0]))
+    fast, spin = (kept(run) * forces.together(block, np.nan_to_num(of)) for of in _within(block))
     for part in forces.split(impulse, c.normal, block.start[1]):
         found = _rates(block, c.normal, part.lever)
         push = np.maximum(part.normal, 0.0)
         scale = np.maximum(*(norm(v[c.k, c.a]) + run.radius[c.a] * norm(w[c.k, c.a]) for v, w in
                              ((block.v0, block.w0), (block.v1, block.w1))))  # fmt: skip
         scale = scale + of_images
-        noise = 64.0 * EPS * scale + kept
+        noise = 64.0 * EPS * scale + fast
         own = compliance(run, c.a, c.b)
         still = 2.0 * own[1] * left + noise
         defect = opposed(part.sliding, found.slip, mu * push, still)
@@ -245,7 +242,14 @@ def _directions(block: Block, tally: Tally, mu: F64) -> None:
     best = np.argmin([d / np.maximum(b, 1e-300) for d, b in zip(defects, bounds, strict=True)], axis=0)
     value, bound = (np.where(best == 0, x[0], x[1]) for x in (defects, bounds))
     tally.measure("slip", value, bound, block.contact, judged)
-    _turning(block, tally, judged, left)
+    _turning(block, tally, judged, left, spin)
+
+
+def kept(run: Run) -> float:
+    """Share of speeds by which a motion may be off: loads are not solved again where their normals turned by next to nothing
+    since. Their impulses turn with these, what they hold does not: attraction, and the speeds before.
+    """
+    return 2.0 * KEPT * run.loosest["closing_tolerance_speed"] * run.loads_once
 
 
 def opposed(force: F64, slip: F64, most: F64, still: F64) -> F64:
@@ -260,14 +264,14 @@ def opposed(force: F64, slip: F64, most: F64, still: F64) -> F64:
     return np.where(moving, np.maximum(0.0, norm(force - wanted) - allowed), 0.0)
 
 
-def _turning(block: Block, tally: Tally, judged: Bool, left: F64) -> None:
+def _turning(block: Block, tally: Tally, judged: Bool, left: F64, off: F64) -> None:
     run, c = block.run, block.rows
     found = []
     impulse, moment = loads_once.stated(block)
     for part in forces.split(impulse, c.normal, block.start[1]):
         turning = _rates(block, c.normal, part.lever).turning
-        spin = norm(block.w1[c.k, c.a])
-        found.append(turned(run, (c.a, c.b), (part.normal, moment, part.lever), turning, left, spin))
+        noise = 64.0 * EPS * norm(block.w1[c.k, c.a]) + off
+        found.append(turned(run, (c.a, c.b), (part.normal, moment, part.lever), turning, left, noise))
     value = np.minimum(*(of.value for of in found))
     tally.measure("roll", value, found[0].bound, block.contact, judged & found[0].any)
 
@@ -281,16 +285,16 @@ class Turned(NamedTuple):
 
 
 def turned(
-    run: Run, pair: tuple[I64, I64], given: tuple[F64, F64, F64], turning: F64, left: F64, spin: F64
+    run: Run, pair: tuple[I64, I64], given: tuple[F64, F64, F64], turning: F64, left: F64, noise: F64
 ) -> Turned:
     """Maximum dissipation of rolling and spinning (eqs. 18, 23) for given normal impulses (K,), moments and levers (K, 3),
-    and the relative angular velocity after them; `left` is that of the solver, N s, `spin` the size of angular velocities.
+    and the relative angular velocity after them; `left` is that of the solver, N s, `noise`, rad/s, what else may be off.
     """
     (a, b), (normal, moment, n) = pair, given
     push = np.maximum(normal, 0.0)
     index = run.law_index(a, b)
     rho, delta = (run.coefficient(name, index) for name in ("rolling_radius", "spinning_radius"))
-    still = 2.0 * compliance(run, a, b)[2] * left * run.radius[a] + 64.0 * EPS * spin
+    still = 2.0 * compliance(run, a, b)[2] * left * run.radius[a] + noise
     roll = opposed(across(moment, n), across(turning, n), rho * push, still)
     spun = opposed(dot(moment, n)[:, None] * n, dot(turning, n)[:, None] * n, delta * push, still)
     value = np.where(rho > 0.0, roll, 0.0) + np.where(delta > 0.0, spun, 0.0)

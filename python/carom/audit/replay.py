@@ -25,7 +25,7 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit import bounds, compression, loads_once, works
 from carom.audit.block import Block
-from carom.audit.cones import KEPT, opposed, turned
+from carom.audit.cones import kept, opposed, turned
 from carom.audit.hits import Hits, groups, pairs, place
 from carom.audit.loads import turned_loads
 from carom.audit.rates import Rates
@@ -258,11 +258,8 @@ class Replay(Energy):
         value = np.where(unsure, np.minimum(value, bounds.misfit(after.normal, remaining, own[0])), value)
         short = own[0] * np.maximum(np.nan_to_num(given) - push, 0.0)
         value = np.where(scaled, value, np.maximum(value, short))
-        if run.loads_once and r.problem[0] == 0:
-            # Loads are not solved again where their normals turned by next to nothing since.
-            fast = [norm(of[:, :3]) + run.radius[r.a] * norm(of[:, 3:]) for of in now]
-            fast[1] = np.where(r.b < run.bodies, fast[1], 0.0)
-            noise = noise + 2.0 * KEPT * run.loosest["closing_tolerance_speed"] * (fast[0] + fast[1])
+        fast, off = self._kept(rows, now)
+        noise = noise + fast
         left_speed = 2.0 * own[0] * left + noise
         begun = r.scale * self.begun[rows]
         rebound = e_n * begun + run.rebound(index, -towards, left_speed + begun)
@@ -277,7 +274,7 @@ class Replay(Energy):
         self.tell("slip", every[sure], defect[sure], limit)
         if r.problem[0] > 0:
             self.work[rows] = works.done(push, self.slide[rows], r.moment, self.lever[rows], before, after)
-        self._turning(rows, left, after, np.flatnonzero(~scaled))
+        self._turning(rows, left, after, np.flatnonzero(~scaled), off)
         self._energy(rows, (at, change), rho, before, after)
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)
@@ -301,7 +298,16 @@ class Replay(Energy):
         # The safeguard may have taken the expansion back.
         return r.scale * least, r.scale[:, None] * slip, spread
 
-    def _turning(self, rows: slice, left: F64, after: Rates, sure: I64) -> None:
+    def _kept(self, rows: slice, now: tuple[F64, F64]) -> list[F64]:
+        """(K,) how much slips, m/s, and relative angular velocities, rad/s, may be off after the loads (`cones.kept`)."""
+        run, r = self.block.run, self.r.of(rows)
+        share = kept(run) * (r.problem == 0)
+        there = share, share * (r.b < run.bodies)
+        spins = [norm(of[:, 3:]) for of in now]
+        fast = [norm(of[:, :3]) + run.radius[r.a] * spin for of, spin in zip(now, spins, strict=True)]
+        return [of[0] * there[0] + of[1] * there[1] for of in (fast, spins)]
+
+    def _turning(self, rows: slice, left: F64, after: Rates, sure: I64, off: F64) -> None:
         """Moments of a problem in their bounds, and against the motion after it: these know no restitution."""
         run, r, push, lever = self.block.run, self.r.of(rows), self.push[rows], self.lever[rows]
         moment = r.moment
@@ -312,8 +318,8 @@ class Replay(Energy):
             beyond = size - run.coefficient(name, self.law[rows]) * np.maximum(push, 0.0)
             bound = left * run.radius[r.a] + 16.0 * EPS * norm(moment)
             self.tell(kind, np.arange(rows.start, rows.stop), np.maximum(beyond, 0.0), bound)
-        spin = self.top[r.k] / run.radius[r.a]
-        found = turned(run, (r.a, r.b), (push, moment, lever), after.turning, left, spin)
+        noise = 64.0 * EPS * self.top[r.k] / run.radius[r.a] + off
+        found = turned(run, (r.a, r.b), (push, moment, lever), after.turning, left, noise)
         chosen = sure[found.any[sure]]
         self.tell(
             "roll",
