@@ -14,11 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import carried, free_turns
+from carom.audit import carried, free_turns, recorded
 from carom.audit.block import Block, once
 from carom.audit.data import Run
 from carom.audit.rates import Pairs, rates
 from carom.audit.vectors import EPS, add_at, norm, unit
+from carom.audit.wrenches import groups
 from carom.scene.packing.neighbours import pairs as neighbours
 
 RESOLVED = 0.5
@@ -196,10 +197,33 @@ def _smooth(block: Block, pairs: Cohesive) -> tuple[F64, F64, F64]:
         _, normal = run.meet(block.t0[k] + 0.5 * h, a, pairs.b, x[k, a], x[k, b])
         return normal, pairs.gap, np.zeros(len(k))
     x, off = free_turns.loaded_places(block)
+    off = off + _handed_on(block, pairs)
     end, last = run.meet(block.t1[k], a, pairs.b, x[k, a], x[k, b])
     one = run.jointed[a] | (run.jointed[b] & (pairs.b < run.bodies))
     middle = np.where(one[:, None] | (not run.loads_once), last, unit(pairs.normal + last))
     return middle, end, off[k, a] + np.where(pairs.b < run.bodies, off[k, b], 0.0)
+
+
+def _handed_on(block: Block, pairs: Cohesive) -> F64:
+    """(B, N) m, by how much joints move bodies at most as they hand on what pairs and contacts give in a step: as long as
+    nothing does, they end elsewhere by that (`corrections`).
+    """
+    run, half = block.run, 0.5 * block.run.h**2
+    found, pulled = np.zeros((2, block.count, run.bodies))
+    if not run.joints:
+        return found
+    for body in (pairs.a, pairs.b):
+        ball = np.flatnonzero(body < run.bodies)
+        add_at(pulled, (pairs.k[ball], run.node[body[ball]]), half * pairs.force[ball])
+    way, turned = recorded.shifts(block)
+    reach = np.where(run.in_clump, run.node_reach, 0.0)
+    push, moment = pulled + run.mass * way, reach * pulled + run.inertia * turned
+    energy = push**2 / run.heavy + moment**2 / run.node_inertia
+    give = 1.0 / run.heavy + reach**2 / run.node_inertia
+    for bodies, _ in groups(run):
+        moved = np.isin(run.node, bodies)
+        found[:, moved] = np.sqrt(energy[:, bodies].sum(axis=1)[:, None] * give[run.node[moved]])
+    return found
 
 
 @once
