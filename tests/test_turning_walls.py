@@ -65,3 +65,49 @@ def test_what_turns_into_itself_sweeps_nothing() -> None:
 def test_each_shape_by_its_farthest_part(kind: str, wall: dict[str, Any], way: float) -> None:
     [line] = told(kind, FAST, **wall)
     assert f"by {way * 2 * np.pi * 50 * 1e-3 / 0.003:.2g} radii" in line
+
+
+@pytest.mark.parametrize(
+    ("normal", "speed", "axis", "radii"),
+    [
+        ((0, 0, 1), (100, 0, 0), None, 0.0),
+        ((0, 0, 1), (100, 50, 20), None, 1.0),
+        ((1, 0, 1), (100, 0, 0), None, 5.0 / np.sqrt(2.0)),
+        ((0, 0, 1), (100, 0, 0), (0, 0, 1), 0.0),
+        ((0, 0, 1), (100, 0, 0), (0, 1, 0), 5.0),
+    ],
+)
+def test_a_plane_that_slides_within_itself_passes_nothing(
+    normal: tuple[float, float, float],
+    speed: tuple[float, float, float],
+    axis: tuple[float, float, float] | None,
+    radii: float,
+) -> None:
+    """What counts is the part along the normal, which turns with the plane."""
+    turn = {} if axis is None else {"rotation": {"axis": axis, "rate": 20.0}}
+    motion = {"translation": [{"polynomial": [0, v]} for v in speed], **turn}
+    scene = carom.Scene("floor", run={"step": 1e-3, "until": 0.3})
+    scene.contact("m", "m", friction=0.0, restitution=0.5)
+    scene.sphere("ball", radius=0.02, mass=0.1, at=(0, 0, 0.2), material="m")
+    scene.plane("floor", point=(0, 0, 0), normal=normal, material="m", motion=motion)
+    told = [advice.cause for advice in scene.validate() if "radii" in advice.cause]
+    assert told == (
+        [f'a step of 0.001 s moves plane "floor" by {radii:.2g} radii of the smallest ball'] if radii else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("speed", "length", "told"), [((9, 0, 0), None, 0), ((9, 0, 0), 3, 1), ((0, 0, 20), None, 1)]
+)
+def test_a_tube_without_end_slides_along_its_axis(
+    speed: tuple[float, float, float], length: float | None, told: int
+) -> None:
+    motion = {"translation": [{"polynomial": [0, 5 * v]} for v in speed]}
+    scene = carom.Scene("tube", run={"step": 1e-3, "until": 0.3})
+    scene.contact("m", "m", friction=0.0, restitution=0.5)
+    scene.sphere("ball", radius=0.02, mass=0.1, at=(0, 0, 0), material="m")
+    end = {} if length is None else {"length": length}
+    scene.cylinder(
+        "tube", point=(0, 0, 0), axis=(1, 0, 0), radius=1, inside=True, material="m", motion=motion, **end
+    )
+    assert len([advice for advice in scene.validate() if "radii" in advice.cause]) == told

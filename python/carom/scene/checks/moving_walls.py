@@ -14,7 +14,7 @@ import numpy as np
 from carom.scene.assembly.areas import area
 from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot, norm
-from carom.scene.checks.turning_walls import lever
+from carom.scene.checks.turning_walls import lever, through
 from carom.scene.checks.walls import called
 from carom.scene.messages import Finding
 from carom.scene.tables.joints import Joint
@@ -122,11 +122,11 @@ def _advise_travel(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findi
     laws = [law for law, _ in _laws(motion)]
     here = np.array([[value_at(law, t) for law in laws] for t in times])
     there = np.array([[value_at(law, t + run.step) for law in laws] for t in times])
-    moves = np.abs(np.nan_to_num(there) - here)
+    moves = np.nan_to_num(there) - here
+    of_table = [piece for piece in parts.walls() if (piece.section, piece.index) == path[:2]]
     if motion.rotation is not None:  # from an angle to a way
-        of_table = (piece for piece in parts.walls() if (piece.section, piece.index) == path[:2])
         moves[:, -1] *= max(lever(piece, motion.rotation) for piece in of_table)
-    fastest = float(moves.max()) / run.step
+    fastest = float(np.abs(moves).max()) / run.step
     if fastest > FASTEST:
         cause = f"{called(wall)} reaches {fastest:.2g} m/s, more than the {FASTEST:g} m/s of any run"
         yield Finding(
@@ -134,7 +134,10 @@ def _advise_travel(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findi
         )
         return
     slides = 0 if motion.translation is None else 3
-    way = np.linalg.norm(moves[:, :slides], axis=1) + moves[:, slides:].sum(axis=1)
+    way = np.abs(moves[:, slides:]).sum(axis=1)
+    if slides:
+        given = moves[:, :3], here[:, -1], motion.rotation
+        way = way + np.max([through(piece, *given) for piece in of_table], axis=0)
     travel = float(way.max()) / float(bodies.radius.min())
     yield from _advise_way(path, wall, run.step, travel, run.step * WALL_TRAVEL / max(travel, WALL_TRAVEL))
 

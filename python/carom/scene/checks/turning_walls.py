@@ -1,4 +1,4 @@
-"""How fast walls sweep through space as they turn: what a surface that turns into itself does not do."""
+"""How fast walls sweep through space as they move: what a surface that moves into itself does not do."""
 
 from __future__ import annotations
 
@@ -44,6 +44,22 @@ def lever(wall: Placed, turn: Rotation) -> float:
     if math.isinf(reach):  # of a tube without end, the part near its point
         reach, moved = 0.0, moved - (moved @ along) * along
     return float(np.linalg.norm(moved)) + reach * tilt
+
+
+def through(wall: Placed, ways: F64, turned: F64, turn: Rotation | None) -> F64:
+    """(T,) m, how far translations (T, 3) take a wall through what is in its way, as it has turned by angles (T,): of planes
+    without end along their normal, of tubes without end across their axis.
+    """
+    endless = wall.kind == "cylinder" and math.isinf(wall.shape[3])
+    if wall.kind != PLANE and not endless:
+        return np.asarray(np.linalg.norm(ways, axis=1))
+    own = np.array(wall.shape[1], dtype=np.float64)
+    own = np.broadcast_to(own / np.linalg.norm(own), ways.shape)
+    if turn is not None:
+        axis, c, s = np.array(scaled(turn.axis)), np.cos(turned)[:, None], np.sin(turned)[:, None]
+        own = c * own + s * np.cross(axis, own) + (1.0 - c) * (own @ axis)[:, None] * axis
+    along = (ways * own).sum(axis=1)
+    return np.asarray(np.linalg.norm(ways - along[:, None] * own, axis=1) if endless else np.abs(along))
 
 
 def _rectangle(wall: Placed) -> Triangles:
