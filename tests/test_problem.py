@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from carom import ContactProblem
 from carom.problem import ContactProblemError, LocalProblem, cone, residual_of
+from carom.problem.residual import holds_nothing
 from hypothesis import given
 from hypothesis import strategies as st
 from problem_cases import DIMENSIONS, a_problem, bounds_of, numbers, one_ball, seeds
@@ -190,6 +191,30 @@ def test_an_r_of_the_wrong_length_is_refused() -> None:
 
 
 # --- the face ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", ["auto", "gauss-seidel", "admm", "interior-point"])
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_a_body_between_walls_that_close_has_no_solution(solver: str, mu: float) -> None:
+    """Both walls push the same body: `u_N = r_1 - r_2 - 1 >= 0` and `r_2 - r_1 - 1 >= 0` cannot be."""
+    W = np.eye(6)
+    W[0, 3] = W[3, 0] = -1.0
+    closing = ContactProblem.from_matrices(W, [-1, 0, 0, -1, 0, 0], [mu, mu])
+    with pytest.raises(carom.problem.SolveFailed, match="there may be no solution") as failed:
+        closing.solve(solver)
+    found = failed.value.solution
+    assert found.err < 0.01
+    assert found.residual.penetration > 0.99
+    one = ContactProblem.from_matrices(W, [-1, 0, 0, 1, 0, 0], [mu, mu])  # which the body can follow
+    assert one.solve(solver).converged
+
+
+def test_solvers_that_end_early_say_nothing_of_no_solution() -> None:
+    for path in sorted((Path(__file__).parent / "data" / "contact_problems").glob("*velocity*.hdf5"))[::8]:
+        problem = ContactProblem.from_fclib(path)
+        for solver in ("newton", "gauss-seidel", "admm", "interior-point"):
+            found = problem.solve(solver, tol=1e-14, max_iterations=3, on_nonconvergence="return")
+            assert not holds_nothing(problem.local, found.r, found.u), path
 
 
 def test_a_problem_does_not_change() -> None:

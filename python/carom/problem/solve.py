@@ -29,7 +29,7 @@ from carom.numeric import is_whole
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.fclib import write_fclib
 from carom.problem.global_ import GlobalProblem, invert
-from carom.problem.residual import Residual, residual_of
+from carom.problem.residual import Residual, holds_nothing, residual_of
 from carom.text import seconds
 
 if TYPE_CHECKING:
@@ -259,7 +259,11 @@ def solve(
         err_scaled=float(found["err_scaled"]),
     )
     if not solution.converged and on_nonconvergence == "raise":
-        cure = "error.solution holds what was found; another solver, more iterations or a larger tol may do"
+        cure = "error.solution holds what was found; "
+        if holds_nothing(local, r, u):
+            cure += "there may be no solution: its normal forces push against one another and take back no approach"
+        else:
+            cure += "another solver, more iterations or a larger tol may do"
         raise SolveFailed(one_line(f"{problem.title or 'problem'}: {solution}; {cure}"), solution)
     return solution
 
