@@ -140,24 +140,6 @@ def test_the_auditor_accepts_its_runs(law: str, tmp_path: Path) -> None:
     assert LAWS[law].problems == 0 or np.max(found["problem"]) <= LAWS[law].problems
 
 
-@pytest.mark.parametrize("law", ["compliant", "binary"])
-def test_what_a_damper_closes_after_the_springs_does_not_rebound(law: str, tmp_path: Path) -> None:
-    """It takes more than half of the velocity that the floor gives a ball: the ball closes again, and stays."""
-    scene = carom.Scene(gravity=(0, 0, -9.8))
-    scene.contact("m", "m", friction=0.3, restitution=0.9)
-    scene.contact("m", "floor", friction=0.3, restitution=0.9)
-    scene.plane("floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))
-    for name, mass, x, z in (("a", 0.1, 0, 0.02), ("beside", 0.1, 0.04, 0.02), ("above", 10.0, 0, 0.2)):
-        scene.sphere(name, radius=0.02, mass=mass, material="m", position=(x, 0, z), velocity=(0, 0, -1))
-    scene.spring("a", "above", points=[(0, 0, 0.02), (0, 0, 0.2)], stiffness=1.0, damping=300.0)
-    simulated(scene, impact=law, step=1e-3, until=1e-3, out=tmp_path / "run").close()
-    found = carom.load(tmp_path / "run").impacts
-    again = (np.asarray(found["problem"]) == 2) & (np.asarray(found["body"])[:, 1] == 3)
-    assert np.asarray(found["approach"])[again] == pytest.approx([-0.524], abs=1e-3)
-    assert np.abs(np.asarray(found["separation"])[again]).max() < 1e-9
-    assert check(tmp_path / "run").ok
-
-
 # ---------------------------------------------------------------------------------------------- other laws than Newton's
 
 
@@ -292,14 +274,6 @@ def test_a_column_on_a_floor_rebounds_by_poissons_law(e: float) -> None:
     assert after[:, 2].sum() == pytest.approx(e * 1.0 - (4 * 9.81e-5 if e > 0.0 else 0.0), abs=5e-4)
 
 
-#: Velocities over that of the first ball, of equal balls in a row: the Hertz chain, integrated by another program.
-HERTZ = {
-    3: (-0.0710, 0.0764, 0.9945),
-    4: (-0.0711, -0.0296, 0.1097, 0.9910),
-    10: (-0.07108, -0.03027, -0.01583, -0.00889, -0.00513, -0.00299, -0.00174, 0.00267, 0.14739, 0.98587),
-}
-
-
 def dragged_pair(law: str, seed: int) -> carom.Result:
     """An elastic ball with drag hits another one, obliquely."""
     rng = np.random.default_rng(seed)
@@ -324,83 +298,6 @@ def test_of_a_pair_poissons_law_is_newtons_with_drag_too(seed: int) -> None:
     one, other = (dragged_pair(law, seed) for law in ("sequence", "poisson"))
     assert one.summary["restitution_scale_min"] < 1.0
     np.testing.assert_allclose(other.velocity[-1], one.velocity[-1], rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("law", ["compliant", "binary"])
-@pytest.mark.parametrize("speed", [0.01, 1.0])
-@pytest.mark.parametrize("count", HERTZ)
-def test_a_row_of_balls_is_the_hertz_chain(count: int, speed: float, law: str) -> None:
-    scene = carom.Scene(gravity=(0, 0, 0))
-    scene.material("m")
-    scene.contact("m", "m", friction=0.2, restitution=1.0)
-    for k in range(count):
-        scene.sphere(f"{k}", radius=0.01, material="m", density=7800.0, position=(0.02 * k, 0, 0),
-                     velocity=(speed, 0, 0) if k == 0 else None)  # fmt: skip
-    result = simulated(scene, impact=law, step=1e-6, until=1e-6)
-    digits = 1e-4 if count < 10 else 1e-5
-    np.testing.assert_allclose(result.velocity[-1][:, 0] / speed, HERTZ[count], atol=0.6 * digits)
-    assert result.energy.total[-1] <= (1 + 1e-10) * 0.5 * result.bodies["mass"][0] * speed**2
-
-
-@pytest.mark.parametrize("law", ["compliant", "binary"])
-def test_a_row_of_linear_springs_has_its_closed_form(law: str) -> None:
-    """Three equal balls, in units of the frequency of a contact: two modes until the first contact opens, then two balls."""
-    modes = np.array([1.0, np.sqrt(3.0)])
-
-    def depths(t: float) -> tuple[float, float]:
-        one, two = 0.5 * np.sin(modes * t) / modes
-        return float(one + two), float(one - two)
-
-    low, high = 1.5, 2.8
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if depths(middle)[0] > 0.0 else (low, middle)
-    one, two = np.cos(modes * low)
-    v = np.array([1 / 3 + one / 2 + two / 6, 1 / 3 - two / 3, 1 / 3 - one / 2 + two / 6])
-    apart = np.sqrt((v[1] - v[2]) ** 2 + 2.0 * depths(low)[1] ** 2)
-    expected = [v[0], 0.5 * (v[1] + v[2] - apart), 0.5 * (v[1] + v[2] + apart)]
-    after = simulated(chain(3), impact=law, impact_exponent=1.0).velocity[-1][:, 0]
-    assert after == pytest.approx(expected, abs=2e-5)
-
-
-@pytest.mark.parametrize("law", ["compliant", "binary"])
-def test_springs_that_are_cut_short_do_not_take_the_energy(law: str) -> None:
-    """A light ball between a wall and one of 1e8 times its mass: many thousand hits, which took all energy with them."""
-    scene = carom.Scene("squeezed", gravity=(0.0, 0.0, 0.0))
-    scene.contact("a", "a", friction=0.0, restitution=1.0)
-    scene.plane("wall", point=(0.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0), material="a")
-    scene.sphere("light", radius=0.01, mass=1.0, at=(0.02, 0.0, 0.0), material="a")
-    scene.sphere("heavy", radius=0.01, mass=1e8, at=(0.05, 0.0, 0.0), velocity=(-1.0, 0.0, 0.0), material="a")
-    with pytest.warns(carom.CaromWarning, match="times the mass"):
-        result = carom.simulate(scene, step=1e-3, until=0.1, impact=law)
-    assert result.summary["truncated_sequences"] == 1
-    assert result.summary["fallbacks"] == 0
-    kinetic = result.energy.kinetic
-    assert 0.9 * kinetic[0] < kinetic[-1] <= kinetic[0]
-    assert result["heavy"].velocity[-1, 0] > 0.0
-
-
-@pytest.mark.parametrize("law", ["compliant", "binary"])
-def test_stiffness_of_pairs_and_the_exponent_are_those_of_the_oracle(law: str) -> None:
-    stiff = 0
-    for seed in range(60):
-        model = random_scene(seed) | {"stiffness_ratio": np.array([1.0, 4.0])}
-        model["friction"] = np.zeros(2)
-        model["options"] |= {"impact": law, "impact_exponent": (1.0, 1.5, 2.0)[seed % 3]}
-        oracle, core = Reference(model), _core.Simulation(model)
-        plain = _core.Simulation(model | {"stiffness_ratio": np.ones(2)})
-        oracle.advance(1)
-        assert core.advance(1, 1, True, 1e9)["outcome"] is None
-        plain.advance(1, 1, True, 1e9)
-        assert difference(oracle, core, model["radius"]) <= 1e-10
-        stiff += bool(np.abs(plain.frame()["velocity"] - core.frame()["velocity"]).max() > 1e-6)
-    assert stiff > 2
-
-
-def test_gaps_that_open_count_in_a_decorated_chain() -> None:
-    """The light balls rattle. By an integration of the Hertz chain of high order (DOP853, 1e-12)."""
-    after = simulated(chain(5, between=0.01 / 3), impact="compliant").velocity[-1][:, 0]
-    assert after == pytest.approx([-0.09697, 0.04836, 0.08979, 0.52089, 0.9861], abs=2e-5)
 
 
 @LAW
