@@ -269,3 +269,38 @@ def test_what_a_stop_of_a_batch_raises_goes_on() -> None:
     ):
         with pytest.raises(CaromError, match=said):
             carom.simulate_batch(scene, {"cue.velocity.x": [1.0]}, **keys)  # type: ignore[arg-type]
+
+
+def test_touching_balls_are_aimed_at_whichever_way_their_places_round() -> None:
+    """Frozen balls are as balls a hair apart are; the ball that is struck straight on goes along the line of centres."""
+    tables = table("9ft")
+    for angle in np.linspace(-3.1, 3.1, 100):
+        aims = []
+        for reach in (1.0, 1.0 + 1e-9):
+            scene = tables.scene()
+            cue = tables.cue_ball(scene, at=(1.0, 0.6))
+            way = np.array([math.cos(angle), math.sin(angle)])
+            ball = tables.ball(scene, "1", at=np.add((1.0, 0.6), 2 * reach * cue.radius * way))
+            aims.append([tables.aim(cue, ball, cut=cut) for cut in ("-40 deg", 0.0, "89 deg")])
+            straight = tables.aim(cue, ball, np.add((1.0, 0.6), way))
+            assert reach > 1 or straight == pytest.approx(angle, abs=1e-8)
+        np.testing.assert_allclose(*aims, atol=1e-6)
+        assert aims[0][1] == pytest.approx(angle, abs=1e-12)
+    near = tables.scene()
+    balls = [tables.ball(near, name, at=(x, 0.6)) for name, x in (("a", 1.0), ("b", 1.057))]
+    with pytest.raises(CaromError, match="overlap"):
+        tables.aim(*balls, cut=0.1)
+
+
+def test_a_rack_that_does_not_fit_leaves_nothing() -> None:
+    tables = table("9ft")
+    scene = tables.scene()
+    tables.cue_ball(scene)
+    with pytest.raises(CaromError, match="outside"):
+        tables.rack(scene, order="9-ball", apex=(2.35, 0.6))
+    assert scene.names == ["cue"]
+    tables.ball(scene, "5", at=(1.0, 0.3))
+    with pytest.raises(CaromError, match="already"):
+        tables.rack(scene, order="9-ball")
+    assert scene.names == ["cue", "5"]
+    assert len(tables.rack(scene, order="9-ball", prefix="r")) == 9

@@ -11,6 +11,8 @@ import math
 
 from carom.errors import CaromError
 from carom.scene.billiards.arguments import angle
+from carom.scene.billiards.places import overlap
+from carom.scene.checks.walls import TOUCHING
 from carom.scene.tables.balls import Sphere
 
 Place = tuple[float, float]
@@ -24,6 +26,8 @@ def direction_to(cue: Sphere, ball: Sphere, target: Place) -> float:
         raise CaromError(f"aim: {ball.name!r} lies at the place that it is to go to")
     line = [(t - x) / away for t, x in zip(target, ball_at, strict=True)]
     way = [x - reach * n - c for x, n, c in zip(ball_at, line, cue_at, strict=True)]
+    if math.hypot(*way) <= TOUCHING * reach:  # the cue ball is the ghost ball
+        return math.atan2(line[1], line[0])
     along, across = way[0] * line[0] + way[1] * line[1], way[0] * line[1] - way[1] * line[0]
     if not along > 0:
         cut = abs(math.degrees(math.atan2(across, along)))
@@ -43,9 +47,8 @@ def direction_of_cut(cue: Sphere, ball: Sphere, cut: float | str) -> float:
 
 
 def _places(cue: Sphere, ball: Sphere) -> tuple[tuple[Place, Place], float]:
-    """Both centres (x, y) and the sum of the radii, m."""
+    """Both centres (x, y) and how far apart they are at the hit, m: the sum of the radii, or less where balls touch."""
     cue_at, ball_at = ((float(b.position[0]), float(b.position[1])) for b in (cue, ball))
-    reach = cue.radius + ball.radius
-    if math.dist(cue_at, ball_at) < reach:
+    if overlap(cue_at, cue.radius, ball_at, ball.radius):
         raise CaromError(f"aim: {cue.name!r} and {ball.name!r} overlap")
-    return (cue_at, ball_at), reach
+    return (cue_at, ball_at), min(cue.radius + ball.radius, math.dist(cue_at, ball_at))

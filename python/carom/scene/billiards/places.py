@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from carom.errors import CaromError
 from carom.scene.billiards.data import BAULK, BLACK, D_RADIUS, SNOOKER, Spec
 from carom.scene.billiards.walls import nearest_cushion, outlets
-from carom.scene.packing.neighbours import TOUCHING
+from carom.scene.checks.walls import TOUCHING
 from carom.scene.tables.billiard import nose_misfit
 
 if TYPE_CHECKING:
@@ -29,8 +30,13 @@ def spots_of(spec: Spec) -> dict[str, tuple[float, float]]:
     return spots
 
 
+def overlap(a: Sequence[float], radius: float, b: Sequence[float], other: float) -> bool:
+    """Whether balls with centres at `a` and `b` are in one another by more than a run admits."""
+    return math.dist(a, b) < radius + other - TOUCHING * min(radius, other)
+
+
 def check_place(table: Table, name: str, at: tuple[float, float, float], radius: float) -> None:
-    """Refuse a ball that no nose fits, without slate under its centre, or in the bed or a cushion by more than a touch."""
+    """Refuse a ball that no nose fits, without slate under its centre, or deeper in the bed or a cushion than runs admit."""
     spec, (x, y, z) = table.spec, at
     told = f"ball: {name!r} at ({x:g}, {y:g}) m"
     if unfit := nose_misfit(radius, spec.nose_height):

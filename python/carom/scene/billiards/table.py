@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -123,7 +124,8 @@ class Table:
         return scene
 
     def ball(self, scene: Scene, name: str, at: str | Sequence[float | str], **keys: Any) -> Sphere:
-        """Add a ball of this table at a spot or at (x, y), on the bed; `keys` are those of `Scene.sphere`.
+        """Add a ball of this table at a spot or at (x, y), on the bed; `keys` are those of `Scene.sphere`. With another
+        `radius` it keeps the mass and the contact laws of the table's ball.
 
         Coordinates are numbers in m or texts with a unit. A ball in the air is at (x, y, z), z the height of its centre.
         """
@@ -173,10 +175,14 @@ class Table:
                 raise CaromError(f"rack: no spot is called {apex!r}; {did_you_mean(apex, list(self.spots))}")
             x, y = place("rack", "apex", apex, "length")
         places = rack_places(len(numbers), self.spec.ball_radius, gap=gap, jitter=jitter, seed=seed)
-        return [
-            self.ball(scene, f"{prefix}{number}", (x + along, y + left))
+        balls_at = {
+            f"{prefix}{number}": (x + along, y + left)
             for number, (along, left) in sorted(zip(numbers, places.tolist(), strict=True))
-        ]
+        }
+        trial = copy.deepcopy(scene)  # a rack that does not fit leaves no half of itself
+        for name, at in balls_at.items():
+            self.ball(trial, name, at)
+        return [self.ball(scene, name, at) for name, at in balls_at.items()]
 
     def aim(
         self,
