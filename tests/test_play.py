@@ -69,6 +69,39 @@ def test_a_line_that_meets_no_ball_says_so() -> None:
     assert len(sight["path"]) > 20
 
 
+def test_the_line_of_aim_looks_until_the_cue_ball_hits_or_rests() -> None:
+    game = two_balls(x=1.45)
+    for speed, hit in ((0.42, "1"), (0.3, None)):  # it arrives after three seconds; it stops before
+        aim = Aim(speed=speed)
+        sight = game.sight(aim)
+        shot = game.shoot(aim).shot
+        assert sight["hit"] == shot.first == hit
+        assert not shot.hits or shot.hits[0].time > 3.0
+        if hit is None:
+            assert sight["path"][-1] == pytest.approx(game.ball(CUE).position[:2], abs=1e-3)
+        game.undo()
+
+
+def test_a_scene_that_records_no_impacts_can_be_played() -> None:
+    table = billiards.table("9ft")
+    scene = table.scene(record={"impacts": False})
+    table.cue_ball(scene)
+    table.ball(scene, "1", at="centre spot")
+    assert Game(scene).shoot(Aim()).shot.first == "1"
+
+
+def test_a_ball_can_be_moved_until_it_touches_another() -> None:
+    game = two_balls()
+    x, y = game.ball("1").position[:2]
+    for angle in np.linspace(0, 6, 50):
+        game.place(
+            CUE,
+            (x + 2 * game.ball(CUE).radius * np.cos(angle), y + 2 * game.ball(CUE).radius * np.sin(angle)),
+        )
+        assert game.shoot(Aim(direction=angle + np.pi, speed=0.3)).shot.first == "1"
+        game.undo()
+
+
 @pytest.mark.parametrize(
     ("height", "low", "high"),
     [(-0.06, -0.1, 0.1), (0.5, 0.5, 2.0), (-0.5, -2.0, -0.3)],
@@ -148,6 +181,7 @@ def test_what_cannot_be_is_refused_with_words() -> None:
         ({"spin": 1.0}, 'no "spin"'),
         ({"squirt": 1.0}, "true or false"),
         ({"side": True}, "finite number"),
+        ({"elevation": 2}, "from 0 to below pi/2 rad, found 2"),
         ([], "JSON object"),
     ):
         with pytest.raises(CaromError, match=told):

@@ -18,7 +18,7 @@ from carom.scene import billiards
 from carom.scene.billiards import Shot, Strike, cue_impulse
 from carom.scene.billiards.cue import CUE_MASS
 from carom.scene.billiards.marked import table_in
-from carom.scene.billiards.places import check_place
+from carom.scene.billiards.places import check_place, overlap
 from carom.scene.billiards.racks import GAMES
 from carom.scene.scene import Scene
 
@@ -65,6 +65,8 @@ class Aim:
         aim = cls(**given)
         if not 0 < aim.speed <= FASTEST:
             raise CaromError(f"play: speed must be above 0 and at most {FASTEST:g} m/s, found {aim.speed:g}")
+        if not 0 <= aim.elevation < math.pi / 2:
+            raise CaromError(f"play: elevation must be from 0 to below pi/2 rad, found {aim.elevation:g}")
         return aim
 
     def strike(self, ball: Sphere) -> Strike:
@@ -122,7 +124,9 @@ class Game:
         if CUE not in scene.names:
             raise CaromError(f"play: no ball of the scene is called {quoted(CUE)}; name the cue ball so")
         self.table = table
-        scene = scene.with_options(method="events", step=FRAME_S, until=LONGEST_S, every=1).resolved()
+        scene = scene.with_options(
+            method="events", step=FRAME_S, until=LONGEST_S, every=1, impacts=True
+        ).resolved()
         still = {"velocity": (0.0, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.0)}
         self.scene = _with_balls(scene, [ball.model_copy(update=still) for ball in scene.spheres])
         """The balls as they lie."""
@@ -155,7 +159,7 @@ class Game:
     def sight(self, aim: Aim) -> dict[str, Any]:
         """The line of aim (`Sight.along`)."""
         if self._sight is None or self._sight[0] is not self.scene:
-            self._sight = self.scene, Sight(self.scene, CUE)
+            self._sight = self.scene, Sight(self.scene, CUE, LONGEST_S)
         return self._sight[1].along(aim.strike(self.ball(CUE)))
 
     # --- playing --------------------------------------------------------------------------------------------------
@@ -199,7 +203,7 @@ class Game:
             raise CaromError(f"play: a place is two finite numbers, found {at!r}")
         check_place(self.table, name, (*at, ball.radius), ball.radius)
         for other in self.scene.spheres:
-            if other is not ball and math.dist(at, other.position[:2]) < ball.radius + other.radius:
+            if other is not ball and overlap(at, ball.radius, other.position[:2], other.radius):
                 raise CaromError(f"{name} would overlap {other.name} there")
         self._past.append((self.scene, None))
         self.last = None

@@ -20,20 +20,21 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.2
 """It looks ahead by this much at a time, and past the first hit by one to two times as much."""
-AHEAD_S = 2.0
-"""How far it looks where no ball is met."""
 POINT_S = 0.04
 """Between two points of a way."""
 IMPACT, OUTLET = Transitions.EVENTS.index("impact"), Transitions.EVENTS.index("outlet")
 
 
 class Sight:
-    """Balls at rest in the core, and strikes of one of them."""
+    """Balls at rest in the core, and strikes of one of them; it looks until that one hits a ball, rests or leaves, at most
+    for the time `longest`, s.
+    """
 
-    def __init__(self, scene: Scene, cue: str) -> None:
+    def __init__(self, scene: Scene, cue: str, longest: float) -> None:
         self._names = scene.names
         self._cue = self._names.index(cue)
-        self._core = Run(scene.with_options(step=LOOK_S, until=AHEAD_S)).simulation
+        self._longest = longest
+        self._core = Run(scene.with_options(step=LOOK_S, until=longest)).simulation
         self._rest = self._core.state()
 
     def along(self, struck: Strike) -> dict[str, Any]:
@@ -49,16 +50,18 @@ class Sight:
         start = {name: state[name][np.newaxis] for name in ("position", "velocity")}
         frames, changes = [{"time": np.zeros(1), **start}], []
         met = None
-        while self._core.time < AHEAD_S:
+        while self._core.time < self._longest:
             block = self._core.advance(1, 1, False, 1.0)
             frames.append(block["frames"])
             changes.append(block["transitions"])
             if met is not None or block["outcome"] is not None:
                 break  # once more after the hit, for what follows it
             met = self._hit(changes[-1])
+            if met is None and self._ends(frames[-1]):
+                break
         way = partial(self._way, _joined(frames), _joined(changes))
         if met is None:
-            return {"path": way(cue, 0.0, AHEAD_S), "hit": None, "ghost": None, "after": {}}
+            return {"path": way(cue, 0.0, np.inf), "hit": None, "ghost": None, "after": {}}
         at, other = float(met["time"]), int(met["body"][1])
         ghost = _points([met["position"][:2]])
         after = {names[k]: way(k, at, at + LOOK_S) for k in (cue, other)}
@@ -70,6 +73,11 @@ class Sight:
         ball = (body[:, 1] >= 0) & (body[:, 1] < len(self._names))
         rows = np.flatnonzero((changes["kind"] == IMPACT) & (body[:, 0] == self._cue) & ball)
         return {name: column[rows[0]] for name, column in changes.items()} if len(rows) else None
+
+    def _ends(self, frames: dict[str, Array]) -> bool:
+        """Whether the cue ball has come to rest, or is gone."""
+        moves = any(frames[name][-1, self._cue].any() for name in ("velocity", "angular_velocity"))
+        return not moves or not frames["present"][-1, self._cue]
 
     def _way(
         self, frames: dict[str, Array], changes: dict[str, Array], ball: int, start: float, end: float
