@@ -478,3 +478,33 @@ def test_a_density_takes_the_place_of_the_mass_of_the_table() -> None:
     assert dense.mass_kg() == pytest.approx(1800 * 4 / 3 * math.pi * t.spec.ball_radius**3)
     assert t.ball(scene, "heavy", (1.2, 0.5), mass="1 kg").mass_kg() == 1.0
     assert t.ball(scene, "usual", (1.4, 0.5)).mass_kg() == t.spec.ball_mass
+
+
+def test_another_radius_keeps_the_lengths_and_the_mass_of_the_table() -> None:
+    """As the reference says: rolling slows down by r/r' times the value of the laws, spin on the spot by its square."""
+    nine = table("9ft")
+    scene, ratio = nine.scene(until=1.0), nine.spec.ball_radius / 0.025
+    rolls = nine.ball(scene, "rolls", at=(0.5, 0.6), radius=0.025)
+    rolls.velocity, rolls.angular_velocity = (0.5, 0.0, 0.0), (0.0, 20.0, 0.0)
+    nine.ball(scene, "spins", at=(0.5, 0.3), radius=0.025).angular_velocity = (0.0, 0.0, 100.0)
+    result = carom.simulate(scene)
+    assert rolls.mass == nine.spec.ball_mass
+    slower = 0.5 - result["rolls"].velocity[-1, 0]
+    assert slower == pytest.approx(ratio * 9.8 * billiards.LAWS.rolling_deceleration, rel=1e-9)
+    slower = 100.0 - result["spins"].angular_velocity[-1, 2]
+    assert slower == pytest.approx(ratio**2 * billiards.LAWS.spin_deceleration, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("run", "share"),
+    [({"impact": law}, 0.85) for law in ("sequence", "sequence-paper", "one-shot", "poisson")]
+    + [({"impact": law}, 0.73) for law in ("compliant", "binary")]
+    + [({"method": "moreau", "step": 5e-5}, 0.85), ({"method": "penalty", "step": 5e-5}, 0.77)],
+)
+def test_the_share_of_the_speed_that_a_rail_returns_by_law(run: dict[str, Any], share: float) -> None:
+    """The figures of the reference: bed and nose are two contacts, which springs load at once."""
+    nine = table("9ft")
+    smooth = laws(cushion_friction=0.0, cloth_friction=0.0, rolling_deceleration=0.0, spin_deceleration=0.0)
+    scene = nine.scene(until=0.3, laws=smooth, **run)
+    nine.cue_ball(scene, at=(0.7, 0.2)).velocity = (0.0, -1.0, 0.0)
+    assert carom.simulate(scene)["cue"].velocity[-1, 1] == pytest.approx(share, abs=0.005)

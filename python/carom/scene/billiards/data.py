@@ -149,11 +149,12 @@ class Laws:
     cloth_friction: Value = Value(0.2, "1", POOLTOOL, 0.15, 0.4)
     cloth_restitution: Value = Value(0.5, "1", ALCIATORE)
     rolling_deceleration: Value = Value(0.01, "g", POOLTOOL, 0.005, 0.015)
-    """Of a rolling ball, over g."""
+    """Of a rolling ball of the table's radius, over g."""
     spin_deceleration: Value = Value(10.0, "rad/s^2", f"middle of {ALCIATORE}", 5.0, 15.0)
-    """Of a ball that spins in its place."""
+    """Of a ball of the table's radius that spins in its place."""
     cushion_restitution: Value = Value(0.85, "1", f"the paper, section 5.6; {POOLTOOL}", 0.6, 0.9)
-    """Of the speed across the rail of a ball on the bed. Mathavan's 0.98 belongs to another law, of the energy."""
+    """Of the speed across the rail of a ball on the bed. Laws of springs, as `compliant` and `penalty`, keep less: they load
+    bed and nose at once. Mathavan's 0.98 belongs to another law, of the energy."""
     cushion_friction: Value = Value(0.14, "1", f"{MATHAVAN_CUSHION}; upper end: {POOLTOOL}", 0.14, 0.2)
 
     def __post_init__(self) -> None:
