@@ -413,3 +413,18 @@ def test_a_reference_that_is_hardly_finer_is_said_to_be(tmp_path: Path) -> None:
     assert "not 4 times finer" in carom.converge(bouncing(), steps, 5e-4).remarks[0]
     carom.simulate(bouncing(), step=5e-4, every=1, out=tmp_path / "run")
     assert "not 4 times finer" in carom.converge(bouncing(), steps, tmp_path / "run").remarks[0]
+
+
+def test_balls_that_left_are_left_out_and_said() -> None:
+    scene = carom.Scene("leaves", gravity=(0, 0, 0))
+    scene.contact("m", "m", friction=0.2, restitution=0.8)
+    for name, y, v in (("leaves", 0.0, 1.0), ("stays", 0.5, 0.1)):
+        scene.sphere(name, material="m", radius=0.02, mass=0.1, at=(0, y, 0), velocity=(v, 0, 0))
+    scene.outlet(low=(0.2, -1, -1), high=(1, 1, 1))
+    scene.spring("stays", "ground", points=[(0, 0.5, 0), (0.1, 0.5, 0)], stiffness=10.0)
+    found = carom.converge(scene, [2e-3, 1e-3, 5e-4], 1e-4, ["position"], until=0.4)
+    assert all(math.isfinite(error) and error > 0 for error in found.errors["position"])
+    order = found.orders["position"]
+    assert order is not None
+    assert order.value == pytest.approx(2.0, abs=0.1)
+    assert any("not there in both runs" in remark for remark in found.remarks)

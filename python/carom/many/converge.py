@@ -45,6 +45,7 @@ MOST_INSTANTS, MOST_NUMBERS = 10_000, 20_000_000
 #: The method whose motion is exact, and parts of the finest step that are tried for its rows.
 EXACT: Literal["events"] = "events"
 MOST_PARTS = 100
+LEFT_OUT = "errors leave out balls at times at which they are not there in both runs"
 
 
 @dataclass(frozen=True)
@@ -175,12 +176,17 @@ def converge(
     if truth is None:
         h = float(reference)  # type: ignore[arg-type]
         truth = Frames(f"h = {h:g} s", names, _times(h, jobs[-1][1]), found[-1][0], h)
-    errors = {}
+    errors, left_out = {}, False
     for quantity in wanted:
         row = []
-        for (h, numbers), (states, _) in zip(instants.items(), found, strict=False):
+        for (h, numbers), (states, run) in zip(instants.items(), found, strict=False):
             true = truth.values(quantity, _times(h, numbers))
-            row.append(error_of(quantity.aligned(quantity.of_states(states, names), true), true))
+            mine = quantity.aligned(quantity.of_states(states, names), true)
+            both = np.isfinite(mine - true).all(axis=-1)
+            # Of runs that stopped what is missing stays so.
+            if run.outcome == "done" == found[-1][1].outcome and both.any():
+                left_out, mine, true = left_out or not both.all(), mine[both], true[both]
+            row.append(error_of(mine, true))
         errors[quantity.text] = tuple(row)
     return Convergence(
         title=scene.title,
@@ -194,6 +200,7 @@ def converge(
         case=scene.case,
         remarks=(
             *_coarse(truth, chosen[-1]),
+            *[LEFT_OUT] * left_out,
             *(told for name, row in errors.items() for told in doubts(name, chosen, row)),
         ),
     )
