@@ -129,5 +129,6 @@ impl Run<'_> {
         state.position[i] = passage.place;
         [state.velocity[i], state.angular_velocity[i]] = passage.velocities;
         state.orientation[i] = passage.orientation;
+        self.has_speed(i);
     }
 }

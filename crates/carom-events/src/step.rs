@@ -83,7 +83,7 @@ pub struct Run<'a> {
     pub report: &'a mut StepReport,
     pub events: &'a mut Events,
     pub span: Span,
-    /// Fastest speed at the start, or after the last hand-over, m/s.
+    /// Fastest speed so far, m/s: what is nothing beside it is rounding.
     pub fastest: f64,
 }
 
@@ -117,11 +117,9 @@ impl Run<'_> {
     /// All balls set off from the present state.
     pub fn begin(&mut self, now: f64) {
         let n = self.model.bodies();
-        let speed = |i: usize| {
-            self.state.velocity[i].length()
-                + self.model.radius[i] * self.state.angular_velocity[i].length()
-        };
-        self.fastest = (0..n).map(speed).fold(0.0, f64::max);
+        for i in 0..n {
+            self.has_speed(i);
+        }
         self.events.queue.begin(n);
         self.events.motions.clear();
         self.events.motions.resize(n, Motion::default());
@@ -131,6 +129,13 @@ impl Run<'_> {
         }
         let present: Vec<usize> = (0..n).filter(|&i| self.state.present[i]).collect();
         self.foresee(&present, now);
+    }
+
+    /// Counts the present speed of a ball, which may have fallen since the step began.
+    pub fn has_speed(&mut self, i: usize) {
+        let [v, w] = [self.state.velocity[i], self.state.angular_velocity[i]];
+        let speed = v.length() + self.model.radius[i] * w.length();
+        self.fastest = self.fastest.max(speed);
     }
 
     /// What will happen to some balls that set off, in the order of their numbers.
