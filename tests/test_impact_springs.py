@@ -192,3 +192,8 @@ def test_dust_elsewhere_on_the_clump_changes_nothing(law: str) -> None:
     with pytest.warns(carom.CaromWarning, match="times the mass"):
         dusty = hit(law, 0.4, 0.7, dust=True)
     np.testing.assert_allclose(after(dusty), after(hit(law, 0.4, 0.7)), rtol=2e-3, atol=2e-3)
+
+
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+def test_without_friction_one_contact_of_a_clump_has_newtons_law(law: str) -> None:
+    np.testing.assert_allclose(after(hit(law, 0.0, 0.7)), after(hit("sequence", 0.0, 0.7)), rtol=0, atol=1e-9)

@@ -336,3 +336,18 @@ def test_a_constant_law_is_the_number(law: object) -> None:
     scene.contacts[0].friction = {"polynomial": [0.2, 0.01]}
     with pytest.raises(carom.CaromError, match="depends on the slip"):
         carom.simulate(scene)
+
+
+@pytest.mark.parametrize(("count", "restitution"), [(2, 0.5), (3, 0.5), (5, 0.9)])
+def test_a_stack_that_is_dropped_ends_at_rest_whatever_the_step(count: int, restitution: float) -> None:
+    """It begins at rest: what is rounding goes by the speeds that it has later."""
+    for step in (1.0, 0.25, 0.05):
+        scene = carom.Scene("stack", run={"method": "events", "step": step, "until": 1.0})
+        scene.contact("b", "b", friction=0.0, restitution=restitution)
+        scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="b")
+        for k in range(count):
+            scene.sphere(f"b{k}", radius=0.03, mass=1.0, at=(0, 0, 0.1 + 0.07 * k), material="b")
+        result = carom.simulate(scene)
+        np.testing.assert_allclose(
+            result.position[-1, :, 2], 0.03 + 0.06 * np.arange(count), rtol=0, atol=1e-9
+        )

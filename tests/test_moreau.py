@@ -300,3 +300,18 @@ def test_what_is_only_projected_is_no_contact_of_the_velocities(restitution: flo
     scene.sphere("a", radius=0.01, density=2500, material="b", position=(0, 0, 0.05))
     result = carom.simulate(scene, step=1e-3, until=0.3, every=1, method="moreau", position_projection=True)
     assert carom.audit.check(result).ok
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")  # of a wall that is as fast as that
+@pytest.mark.parametrize("method", ["moreau", "nsga"])
+@pytest.mark.parametrize("speed", [6.0, 20.0, 30.0])
+def test_a_fast_disc_does_not_go_through_a_ball(method: str, speed: float) -> None:
+    for place in np.arange(0.006, 0.03, 0.004):
+        scene = carom.Scene(gravity=(0, 0, 0))
+        scene.contact("b", "b", friction=0.0, restitution=0.0)
+        scene.sphere("a", radius=0.005, mass=0.1, at=(place, 0, 0), material="b")
+        motion = {"translation": [{"polynomial": [0, speed]}, 0, 0]}
+        scene.plane("w", point=(0, 0, 0), normal=(1, 0, 0), radius=0.05, material="b", motion=motion)
+        result = carom.simulate(scene, step=1e-3, until=8e-3, method=method)
+        assert result.velocity[-1, 0, 0] == pytest.approx(speed, rel=1e-9)
+        assert result.summary["substeps"] > 0

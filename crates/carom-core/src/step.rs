@@ -36,10 +36,10 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
     predict_and_smooth(on)?;
     on.timers.mark(Phase::Predict);
     on.scratch.pulled.fill([DVec3::ZERO; 2]);
-    let mut fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
+    let mut fastest = list_pairs(on.model, on.state, on.scratch)?;
     if on.model.cohesive_reach() > 0.0 {
         cohesion::pull(on, on.span)?;
-        fastest = list_pairs(on.model, on.state, on.scratch, on.span.h)?;
+        fastest = list_pairs(on.model, on.state, on.scratch)?;
     }
     travel::check(on.model, on.state, on.scratch, fastest)?;
     on.timers.mark(Phase::Broad);
@@ -94,7 +94,7 @@ fn check_forces(model: &Model, displaced: &[DVec3], span: Span) -> Result<(), Lo
 }
 
 /// Pairs that may come within the candidate margin during the step. The largest way of a sphere in its smooth motion, m.
-fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<f64, Failure> {
+fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64, Failure> {
     let (walls, linear, pulled) = (&scratch.walls, &scratch.linear, &scratch.pulled);
     let (threads, moves) = (model.options.threads as usize, walls.any_moves());
     let reach = model.cohesive_reach() + way_of_free_walls(model, scratch);
@@ -109,9 +109,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Re
             fastest = team::larger(fastest, way + of_box);
             reach += of_box;
             if moves {
-                // A fast wall may be past a sphere at the end of the step.
-                let swept = walls.speed_at(state.position[i]) * h;
-                reach += if swept > 0.5 * r { swept } else { 0.0 };
+                reach += walls.swept(state.position[i], r);
             }
             *need = state.need(model, i, reach);
         }

@@ -93,7 +93,7 @@ fn met_wall(
 ) -> Option<(f64, f64)> {
     let r = model.radius[a as usize];
     let start = walls.meet_at_start(model, a, b, x);
-    let end = walls.meet(model, a, b, x + d);
+    let end = walls.meet_at_end(model, a, b, x + d);
     if model.wall(b).is_steady_plane() {
         let closes_by = start.gap - end.gap;
         return (closes_by >= r && end.gap < 0.0).then_some((closes_by, r));

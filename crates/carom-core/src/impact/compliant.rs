@@ -41,8 +41,8 @@ const UNSETTLED: f64 = 1e-6;
 /// Loads, then the impact as a whole, then what the loads have closed meanwhile. An impact that was cut goes on by Newton's law.
 #[must_use]
 pub fn through_springs(island: &mut impl ImpactIsland) -> bool {
-    // Where a normal impulse leaves the slip as it is, this is Newton's law, which has a closed form.
-    if island.slots() == 1 && island.is_of_balls() {
+    // Where a normal impulse leaves the slip as it is, or nothing rubs, this is Newton's law, which has a closed form.
+    if island.slots() == 1 && (island.is_of_balls() || island.contact(0).bounds.sliding == 0.0) {
         return loads_first(island);
     }
     if loads(island).is_none() {

@@ -57,10 +57,7 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
     }
     on.timers.mark(Phase::Predict);
     let fastest = list_pairs(model, on.state, on.scratch)?;
-    // Ways are those of the whole step, of walls too.
-    on.scratch.walls.place(model, whole.end);
     travel::check(model, on.state, on.scratch, fastest)?;
-    on.scratch.walls.place(model, middle(whole));
     on.timers.mark(Phase::Broad);
     meet(model, on.state, on.scratch)?;
     on.report.candidates = on.scratch.contacts.len() as u32;
@@ -125,11 +122,7 @@ fn move_to_middle(model: &Model, state: &State, scratch: &mut Scratch, whole: Sp
     for i in 0..model.bodies() {
         scratch.position[i] = state.position[i] + 0.5 * whole.h * state.velocity[i];
     }
-    scratch.walls.place(model, middle(whole));
-}
-
-fn middle(span: Span) -> f64 {
-    span.start + 0.5 * span.h
+    scratch.walls.place(model, whole.start + 0.5 * whole.h);
 }
 
 /// Spheres where their predictions lead.
@@ -154,6 +147,7 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
         let smooth = course.own_way(x, scratch.linear[i].displacement).length();
         let way = course.own_way_now(x, scratch.position[i] - x).length();
         let need = way.max(smooth) + CANDIDATE_MARGIN * model.radius[i] + reach;
+        let need = need + scratch.walls.swept(x, model.radius[i]);
         let of_box = course.change(model.radius[i] + need);
         fastest = fastest.max(smooth + of_box);
         scratch.need[i] = state.need(model, i, need + of_box);

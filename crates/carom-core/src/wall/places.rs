@@ -19,8 +19,9 @@ struct Course {
     /// The walls that move so: those of a mesh, or one.
     first: u32,
     count: u32,
-    /// Displacement of the shapes at t_n, and as they were placed at last.
+    /// Displacement of the shapes at t_n, at t_{n+1}, and as they were placed at last.
     from: Displacement,
+    to: Displacement,
     by: Displacement,
     start: Instant,
     end: Instant,
@@ -106,6 +107,7 @@ impl Walls {
             }
             *course = Course {
                 from,
+                to,
                 by: to,
                 start,
                 end,
@@ -214,6 +216,17 @@ impl Walls {
         self.start[b as usize - model.first_wall()].meet(xa, model.radius[a as usize])
     }
 
+    /// The same at t_{n+1}.
+    pub fn meet_at_end(&self, model: &Model, a: u32, b: u32, xa: DVec3) -> Proximity {
+        match self.course(model, b) {
+            Some(course) if !course.gone => {
+                let shape = model.wall(b).shape.moved(&course.to);
+                shape.meet(xa, model.radius[a as usize])
+            }
+            _ => self.meet(model, a, b, xa),
+        }
+    }
+
     /// Displacement of the shape of wall `b` at the point `p` over the step.
     pub fn shift(&self, model: &Model, b: u32, p: DVec3) -> DVec3 {
         let Some(Course {
@@ -307,6 +320,16 @@ impl Walls {
         let speed = |i: &Instant| i.twist(point).shape.length();
         let of = |c: &Course| speed(&c.now).max(speed(&c.end));
         self.courses.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// How far a moving wall may go past a sphere of radius `r` in the step, m; none where it can be beyond by no more than overlaps show.
+    pub(crate) fn swept(&self, point: DVec3, r: f64) -> f64 {
+        let way = self.speed_at(point) * self.span.h;
+        if way > 0.5 * r {
+            way
+        } else {
+            0.0
+        }
     }
 
     /// Displacement and rotation of the wall's material at the contact over the step, with the sphere's centre at t_n and after
