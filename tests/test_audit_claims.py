@@ -143,7 +143,6 @@ def without_frame(frame: int) -> Callable[[h5py.File], None]:
 @pytest.mark.parametrize(
     "fault",
     [
-        cut(20, 20),
         cut(0, 1),
         without_frame(70),
         lambda file: file.attrs.__setitem__("step", file.attrs["step"] * 1.001),
@@ -160,6 +159,14 @@ def test_results_that_are_not_those_claimed(
     with h5py.File(copy / "results.h5", "r+") as file:
         fault(file)
     assert violated(copy)
+
+
+def test_a_run_that_was_cut_is_not_read(run: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(run, tmp_path / "copy"))
+    with h5py.File(copy / "results.h5", "r+") as file:
+        cut(20, 20)(file)
+    with pytest.raises(carom.CaromError, match="of the 150 steps of the run 130 are in"):
+        violated(copy)
 
 
 @pytest.mark.parametrize(

@@ -244,7 +244,8 @@ def test_results_that_are_gone_are_missed(scene: Any, tmp_path: Path) -> None:
     carom.simulate(scene, until=0.1, out=tmp_path / "short")
     results.write_bytes((tmp_path / "short" / "results.h5").read_bytes())
     with pytest.raises(
-        CaromError, match=r"of the 5\d\d rows of frames up to it 101 are in results.h5: a results file"
+        CaromError,
+        match=r"of the 5\d\d rows of frames before the checkpoint 101 are in results.h5: a results file",
     ):
         carom.resume(run)
     results.write_bytes(b"torn")

@@ -25,7 +25,7 @@ from carom.result.clumps import Clumps
 from carom.result.directory import RunDir, temporary
 from carom.result.kinematics import Frames, Part
 from carom.result.record import Column, Memory, Record, Segments, Writer
-from carom.result.run_json import checked
+from carom.result.run_json import checked, refuse_lost
 from carom.result.selection import Selection
 from carom.result.tables import (
     Contacts,
@@ -72,7 +72,9 @@ class RunData(Frames[Column]):
     def load(cls, path: str | Path) -> Self:
         """The result of a run directory, also of one that is still being written or was killed."""
         directory = RunDir.open(path)
-        result = cls(checked(directory), Segments(directory.segments()), directory)
+        about, segments = checked(directory), Segments(directory.segments())
+        result = cls(about, segments, directory)
+        refuse_lost(directory, about, segments)
         if result.status == "running":
             why = "is still being written" if result.is_being_written else "did not finish"
             cure = "" if result.is_being_written else f" (`carom resume {result.path}` continues it)"

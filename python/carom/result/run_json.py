@@ -7,6 +7,7 @@ from typing import Any
 
 from carom.errors import CaromError, quoted
 from carom.result.directory import RunDir
+from carom.result.record import Segments
 
 #: What `run.json` holds at least, of what this module reads, and of which kind.
 CONTENT: Mapping[str, tuple[type, ...]] = {
@@ -43,6 +44,10 @@ ENTRIES: Mapping[str, Mapping[str, tuple[type, ...]]] = {
 }
 
 
+#: What a part of a run has once it is known.
+PART: Mapping[str, type] = {"file": str, "files": list, "from_step": int, "to_step": int}
+
+
 def checked(directory: RunDir) -> dict[str, Any]:
     """The content of `run.json`, if it is what a run writes."""
     about = directory.read()
@@ -63,6 +68,9 @@ def checked(directory: RunDir) -> dict[str, Any]:
     for name in ("segments", "changes"):
         if any(not isinstance(one, dict) for one in about.get(name) or ()):
             raise CaromError(_altered(directory, name, about[name]))
+    for part in about.get("segments") or ():
+        if any(key in part and not isinstance(part[key], kind) for key, kind in PART.items()):
+            raise CaromError(_altered(directory, "segments", part))
     if outcome and "kind" not in outcome:
         raise CaromError(_altered(directory, "outcome", outcome))
     return about
@@ -90,6 +98,26 @@ def continued(directory: RunDir) -> dict[str, Any]:
             ):
                 raise CaromError(_altered(directory, key, one))
     return about
+
+
+def refuse_lost(directory: RunDir, about: Mapping[str, Any], segments: Segments) -> None:
+    """Raise if results are not there that came before others, or before the step at which the run ended."""
+    parts, starts = about.get("segments") or [{}], segments.starts
+    ended = (
+        None if directory.is_being_written() else parts[-1].get("to_step")
+    )  # else it may be continued by now
+    lack = segments.lack(ended)
+    if lack is None:
+        return
+    wrong = []
+    for part in parts:
+        first = part.get("file")
+        files = part.get("files", [first] if first else [])
+        wrong += [f"{name} is missing" for name in files if name not in starts]
+        if starts.get(first, part.get("from_step")) != part.get("from_step"):
+            wrong.append(f"{first} begins after step {starts[first]} and not {part.get('from_step')}")
+    cure = f"`carom resume {directory.path} --checkpoint start` computes the run anew"
+    raise CaromError(f"{directory.path}: {'; '.join([*wrong, lack, cure])}")
 
 
 def _altered(directory: RunDir, key: str, found: object) -> str:

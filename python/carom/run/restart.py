@@ -185,14 +185,8 @@ def _missing(directory: RunDir, rows: Rows) -> str | None:
     try:
         segments = Segments(paths, upto=rows)
         segments.verify()
+        complaint = segments.lack()
         segments.close()
     except CaromError as error:
         return str(error)
-    there = segments.rows
-    if there == rows:
-        return None
-    table = next(name for name in Rows._fields if getattr(there, name) != getattr(rows, name))
-    return (
-        f"of the {getattr(rows, table)} rows of {table} up to it {getattr(there, table)} are in"
-        f" {', '.join(path.name for path in paths)}: a results file was removed, replaced or cut (put it back if you can)"
-    )
+    return complaint

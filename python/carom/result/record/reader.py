@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -144,21 +146,13 @@ class Segments:
         self._files = [open_results(path) for path in paths]
         firsts = [first_rows(file) for file in self._files]
         ends = firsts if upto is None else [*firsts, upto]
+        # A later segment overrules every row from its start on, in all segments before it.
+        self._limits = list(accumulate(reversed(ends), lambda later, end: Rows(*map(min, later, end))))[::-1]
         self._rows: list[Rows] = []
-        for k, file in enumerate(self._files):
+        for file, first, limit in zip_longest(self._files, firsts, self._limits[1 : len(paths) + 1]):
             whole = written(file)
-            # A later segment overrules every row from its start on, in all segments before it.
-            limits = [
-                min(f[i] for f in ends[k + 1 :]) if ends[k + 1 :] else None for i in range(len(Rows._fields))
-            ]
-            self._rows.append(
-                Rows(
-                    *(
-                        max(0, min(w, m - f) if m is not None else w)
-                        for w, f, m in zip(whole, firsts[k], limits, strict=True)
-                    )
-                )
-            )
+            left = whole if limit is None else map(operator.sub, limit, first)
+            self._rows.append(Rows(*(max(0, min(pair)) for pair in zip(whole, left, strict=True))))
         self._closed = False
         self._found: dict[tuple[str, str], tuple[list[tuple[Any, int]], str, list[Array]]] = {}
 
@@ -166,6 +160,30 @@ class Segments:
     def rows(self) -> Rows:
         """Whole rows of each table over all segments."""
         return sum(self._rows, Rows())
+
+    @property
+    def starts(self) -> dict[str, int]:
+        """The names of the files, and after which step each begins."""
+        return {
+            Path(file.filename).name: int(attributes_of(file).get("start_step", 0)) for file in self._files
+        }
+
+    def lack(self, steps: int | None = None) -> str | None:
+        """What says that rows are not there: each segment, and what `upto` stands for, begins where those before it end, the
+        first at the start. With `steps` the rows must reach to that step.
+        """
+        names = list(self.starts)
+        for k, (wanted, there) in enumerate(
+            zip(self._limits, accumulate(self._rows, initial=Rows()), strict=False)
+        ):
+            if there != wanted:
+                table = next(name for name in Rows._fields if getattr(there, name) != getattr(wanted, name))
+                of = f"{getattr(wanted, table)} rows of {table} before {(*names, 'the checkpoint')[k]}"
+                return _lack(of, getattr(there, table), names[:k])
+        start = next(iter(self.starts.values()))
+        if steps is not None and start + self.rows.steps < steps:
+            return _lack(f"{steps - start} steps of the run", self.rows.steps, names)
+        return None
 
     @property
     def attributes(self) -> Mapping[str, Any]:
@@ -242,6 +260,11 @@ class Segments:
         }
         for file in self._files:
             file.close()
+
+
+def _lack(of: str, there: int, names: Sequence[str]) -> str:
+    told = ", ".join(names) or "no file"
+    return f"of the {of} {there} are in {told}: a results file was removed, replaced or cut (put it back if you can)"
 
 
 def _known(table: str) -> set[str]:
