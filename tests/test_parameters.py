@@ -389,6 +389,8 @@ class TestCommandLine:
             ("phi=8 degrees", "did you mean deg?"),
             ("phi=8 degs", 'unknown unit "degs"; did you mean deg?'),
             ("phi=9,5 deg", '"9,5 deg" has a decimal comma'),
+            ("phi=9,5e-1 deg", 'write a point: "9.5e-1 deg"'),
+            ("until=1e-4,2e-4", 'cannot read the unit ",2e-4"'),  # a point would make no number of it
             ("phi=asin(r", 'cannot read "asin(r": column 5: "(" is never closed'),
             ("until=.5 mm", "expected a time"),
             ("parameters.g=1", "is no parameter of this file"),

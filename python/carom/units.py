@@ -136,10 +136,10 @@ def parse(text: str, dimension: str | None = None) -> float:
     if match is None:
         raise UnitError(f"{quoted(text)} is not a number with a unit", cure)
     digits, exponent, unit = match.groups()
-    if re.match(r",\d+(?![\d.,])", unit):
-        raise UnitError(
-            f"{quoted(text)} has a decimal comma", f"write a point: {quoted(text.replace(',', '.', 1))}"
-        )
+    pointed = text.replace(",", ".", 1)
+    again = _QUANTITY.fullmatch(pointed) if re.match(r",\d", unit) else None
+    if again is not None and not re.match(r"[\d.,]", again[3]):
+        raise UnitError(f"{quoted(text)} has a decimal comma", f"write a point: {quoted(pointed)}")
     if not unit:
         # "0.5" in quotes: accepting it would hide the forgotten unit that a string announces
         raise UnitError(f"{quoted(text)} is text without a unit", f"remove the quotes, or {cure}")
