@@ -179,6 +179,18 @@ def test_a_table_of_the_users_own_is_not_taken_for_an_old_one(column: carom.Resu
     assert (tmp_path / "walls" / "thesis.tex").exists()
 
 
+def test_several_formats_are_those_of_the_command(column: carom.Result, tmp_path: Path) -> None:
+    one_by_one = [path.name for name in ("csv", "extxyz") for path in column.export(tmp_path / name, name)]
+    for several in (["csv", "extxyz"], ("csv", "extxyz"), "csv,extxyz", "csv, extxyz"):
+        assert [path.name for path in column.export(tmp_path / "all", several)] == one_by_one
+    for wrong in ([], "", ["csv", "vtk"], "csv,vtk", ["csv", ["vtp"]]):
+        with pytest.raises(carom.CaromError, match="no export format is called"):
+            column.export(tmp_path / "none", wrong)
+    with pytest.raises(carom.CaromError, match="speed is an option of films; csv, vtp has none"):
+        column.export(tmp_path / "none", "csv,vtp", speed=2.0)
+    assert not (tmp_path / "none").exists()
+
+
 def test_a_part_of_the_run_by_time(column: carom.Result, tmp_path: Path) -> None:
     column.export(tmp_path, "csv", start=0.02, stop=0.04)
     rows = read_csv(tmp_path / "frames.csv")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from carom.cli.options import Json, Run, listed, loaded, option, time
+from carom.cli.options import Json, Run, loaded, option, time
 from carom.cli.output import files, guarded, note
 from carom.errors import CaromError
 
@@ -70,12 +70,10 @@ def export(
     import numpy as np
 
     from carom.cli.progress import counting_bar
-    from carom.export import FILMS, check_format
+    from carom.export import FILMS, formats_of
 
     result = loaded(run)
-    formats = listed("--format", format_)
-    for name in formats:  # before anything is written
-        check_format(name)
+    formats = formats_of(format_)  # before anything is written
     named: dict[str, Any] = {
         "at": time("--at", at),
         "speed": speed,

@@ -7,7 +7,7 @@ Balls that are absent (inflows and outlets) are left out of every format. Units 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module  # noqa: TID251 formats of our own
 from pathlib import Path
 from typing import Any
@@ -62,10 +62,20 @@ def check_format(name: str) -> None:
     raise CaromError(f"no export format is called {name!r}; {cure}")
 
 
+def formats_of(given: str | Sequence[str]) -> list[str]:
+    """The formats of a list, or of a text with commas between them; what is none is refused."""
+    several = isinstance(given, Sequence) and not isinstance(given, str)
+    names = [str(name).strip() for name in (given if several else str(given).split(","))]
+    found = [name for name in names if name] or [""]
+    for name in found:
+        check_format(name)
+    return found
+
+
 def export(
     result: RunData,
     directory: str | Path | None = None,
-    format: str = "vtkhdf",
+    format: str | Sequence[str] = "vtkhdf",
     *,
     every: int = 1,
     start: float | None = None,
@@ -73,7 +83,8 @@ def export(
     contacts: bool = True,
     **look: Any,
 ) -> list[Path]:
-    """Write a run as `format` (one of `FORMATS`) into `directory`, by default `export` in the run directory.
+    """Write a run as `format` (one of `FORMATS`, several as a list or with commas) into `directory`, by default `export` in
+    the run directory.
 
     Of the recorded frames every so many (`every`) from `start` to `stop` (s, both included) are written; tables of
     impacts and steps have the rows of that time. Without `contacts` no contacts are written. Files of an earlier export
@@ -84,18 +95,21 @@ def export(
     `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (s: one still), `progress`; see
     `carom.show.film.look.Look`.
     """
-    check_format(format)
+    formats = formats_of(format)
+    looks = {name: Look.of(name, look) for name in formats if name in FILMS}
+    if look and not looks:
+        raise CaromError(
+            f"{next(iter(look))} is an option of films; {', '.join(formats)} has none of that name"
+        )
+    for chosen in looks.values():
+        if chosen.follow is not None:
+            result[chosen.follow]  # a name that is none is refused here
     selection = Selection.of(result, every=every, start=start, stop=stop, contacts=contacts)
-    name = format if format in FILMS else "write"
-    write: Callable[..., list[Path]] = getattr(import_module(FORMATS[format][0]), name)
     path = Path(directory) if directory is not None else inside(result.path, "export")
-    if format not in FILMS:
-        if look:
-            raise CaromError(f"{next(iter(look))} is an option of films; {format} has none of that name")
+    written: list[Path] = []
+    for name in formats:
+        module = import_module(FORMATS[name][0])
+        write: Callable[..., list[Path]] = getattr(module, name if name in looks else "write")
         with writing_into(path):
-            return write(selection, path)
-    chosen = Look.of(format, look)
-    if chosen.follow is not None:
-        result[chosen.follow]  # a name that is none is refused here
-    with writing_into(path):
-        return write(selection, path, chosen)
+            written += write(selection, path, *([looks[name]] if name in looks else []))
+    return written

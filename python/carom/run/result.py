@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,11 +47,20 @@ class Result(RunData):
 
         return shots_of(self)
 
-    def view(self, path: str | Path | None = None, *, open_browser: bool = False, **options: Any) -> ViewInfo:
-        """Write the run as one HTML page that plays offline, by default `view.html` in the run directory."""
+    def view(
+        self,
+        path: str | Path | None = None,
+        *,
+        open_browser: bool = False,
+        title: str | None = None,
+        max_mb: float = 100.0,
+    ) -> ViewInfo:
+        """Write the run as one HTML page that plays offline, by default `view.html` in the run directory. A page that is
+        there is replaced. It has at most `max_mb` megabytes.
+        """
         from carom.show.viewer import write_html
 
-        info = write_html(self, Path(path) if path else self.path / "view.html", **options)
+        info = write_html(self, Path(path) if path else self.path / "view.html", title=title, max_mb=max_mb)
         if open_browser:
             import webbrowser
 
@@ -58,10 +68,10 @@ class Result(RunData):
         return info
 
     def export(
-        self, directory: str | Path | None = None, format: str = "vtkhdf", **options: Any
+        self, directory: str | Path | None = None, format: str | Sequence[str] = "vtkhdf", **options: Any
     ) -> list[Path]:
         """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz`, `gsd`, `mp4`, `gif` or `png`, by default in `export`
-        of the run.
+        of the run; several as a list, or with commas between them. Files of these formats that are there are replaced.
 
         `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`, and of films `speed`, `camera`,
         `follow` and others. Returns the files to open.
