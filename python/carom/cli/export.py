@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from carom.cli.options import Json, Run, loaded, option, time
+from carom.cli.options import Json, Run, listed, loaded, option, time
 from carom.cli.output import files, guarded, note
 from carom.errors import CaromError
 
@@ -73,7 +73,7 @@ def export(
     from carom.export import FILMS, formats_of
 
     result = loaded(run)
-    formats = formats_of(format_)  # before anything is written
+    formats = formats_of(listed("--format", format_))  # before anything is written
     named: dict[str, Any] = {
         "at": time("--at", at),
         "speed": speed,
