@@ -56,6 +56,7 @@ class TestDesigns:
             ({"low": 0, "high": 1, "log": True}, "wanted 0 < low < high"),
             ({"low": 0, "heigh": 1}, "unknown key heigh; did you mean high?"),
             ({"step": [1e-3]}, 'unknown key step; for a place of this name write it in quotes: "a.step"'),
+            ({"value": [1.0, 2.0]}, "unknown key value; did you mean values?"),
             ([], "the list of values is empty"),
             ([1, "2"], "expected numbers in SI units, found '2'"),
             ({"seeds": 0}, "parameters.a.seeds: expected a whole number from 1"),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean, extra
+from carom.errors import CaromError, did_you_mean, extra, nearest
 from carom.numeric import is_finite
 
 RANDOM = ("lhs", "sobol")
@@ -50,7 +50,7 @@ class Axis:
         for key in given:
             if key not in known:
                 cure = did_you_mean(key, known)
-                if isinstance(given[key], (list, dict)):  # TOML takes a name with a point for a table
+                if isinstance(given[key], (list, dict)) and not nearest(key, known):  # TOML takes a name with a point for a table
                     cure = f'for a place of this name write it in quotes: "{name}.{key}" = ...'
                 raise CaromError(f"parameters.{name}: unknown key {key}; {cure}")
         if "seeds" in given:
