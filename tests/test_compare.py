@@ -215,7 +215,7 @@ def test_a_variant_of_a_file_is_compared_by_its_path() -> None:
     assert by_path.case == "slips"
     assert "[slips]" in str(by_path).splitlines()[0]
     assert carom.simulate(path, case="slips", until=0.01).case == "slips"
-    with pytest.raises(carom.CaromError, match="case choose a variant of a file"):
+    with pytest.raises(carom.CaromError, match="case chooses a variant of a file"):
         carom.compare(scene, case="sticks")
 
 

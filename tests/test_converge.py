@@ -249,7 +249,7 @@ def test_a_run_that_stops_leaves_its_error_open() -> None:
         ({"reference": lambda t: {"velocity:ball:x": (1, 2, 3)}}, "return one number"),
         ({"reference": lambda t: {"velocity": np.zeros((2, 3))}}, r"return 3 numbers"),
         ({"reference": lambda t: {"velocity:ball": "fast"}}, "no array of numbers"),
-        ({"case": "fast"}, "choose a variant of a file"),
+        ({"case": "fast"}, "chooses a variant of a file"),
     ],
 )
 def test_wrong_studies_are_explained(keywords: dict[str, Any], told: str) -> None:

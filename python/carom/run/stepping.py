@@ -80,10 +80,10 @@ class Simulation(State):
         **options: Unpack[Options],
     ) -> None:
         if not isinstance(keep, bool | np.bool_):
-            raise CaromError(f"Simulation: keep must be True or False, found {keep!r}")
+            raise CaromError(f"{_CALLED}: keep must be True or False, found {keep!r}")
         if unused := [key for key in options if key.startswith("checkpoint_")]:
-            raise CaromError(f"Simulation: {unused[0]}: it writes no checkpoints; keep what state() returns")
-        scene = scene_of(scene, "Simulation", case=case, parameters=parameters)
+            raise CaromError(f"{_CALLED}: {unused[0]}: it writes no checkpoints; keep what state() returns")
+        scene = scene_of(scene, _CALLED, case=case, parameters=parameters)
         scene = scene.overridden(options, dict.fromkeys(options, _CALLED), _OWN) if options else scene
         if scene.run.until is None:
             endless = {"until": scene.run.step, "every": scene.record.every or 1}
