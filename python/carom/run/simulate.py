@@ -160,8 +160,9 @@ def scene_of(
     if isinstance(given, (str, Path)):
         return Scene.from_toml(given, **variant)  # type: ignore[arg-type]
     if variant and isinstance(given, Scene):
+        verb = "choose" if len(variant) > 1 else "chooses"
         raise CaromError(
-            f"{caller}: {' and '.join(variant)} {'choose' if len(variant) > 1 else 'chooses'} a variant of a file, and a scene is one already;"
+            f"{caller}: {' and '.join(variant)} {verb} a variant of a file, and a scene is one already;"
             " give the path of the file, or Scene.from_toml(path, case=..., parameters=...)"
         )
     if not isinstance(given, Scene):

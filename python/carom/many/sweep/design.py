@@ -50,7 +50,8 @@ class Axis:
         for key in given:
             if key not in known:
                 cure = did_you_mean(key, known)
-                if isinstance(given[key], (list, dict)) and not nearest(key, known):  # TOML takes a name with a point for a table
+                # TOML takes a name with a point for a table.
+                if isinstance(given[key], (list, dict)) and not nearest(key, known):
                     cure = f'for a place of this name write it in quotes: "{name}.{key}" = ...'
                 raise CaromError(f"parameters.{name}: unknown key {key}; {cure}")
         if "seeds" in given:
