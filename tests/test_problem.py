@@ -217,6 +217,22 @@ def test_solvers_that_end_early_say_nothing_of_no_solution() -> None:
             assert not holds_nothing(problem.local, found.r, found.u), path
 
 
+def test_what_may_have_no_solution_may_as_well_converge_slowly() -> None:
+    """A column of balls whose masses grow tenfold: `gauss-seidel` creeps, its forces hold nothing yet, and others solve it."""
+    light, n = 10.0 ** -np.arange(8), 8
+    normal = np.diag(light + np.append(0.0, light[:-1])) - np.diag(light[:-1], 1) - np.diag(light[:-1], -1)
+    column = ContactProblem.from_matrices(
+        np.kron(normal, np.diag([1.0, 0.0, 0.0])), -np.eye(3 * n)[0], [0.0] * n
+    )
+    with pytest.raises(
+        carom.problem.SolveFailed, match=r"another solver, more iterations .* may do, or there may be no"
+    ):
+        column.solve("gauss-seidel")
+    solved = column.solve("auto")
+    # All fell at 1 m/s and stand still: each contact has taken the momentum of the balls above it.
+    assert solved.r[::3] == pytest.approx([sum(10.0**j for j in range(k, n)) for k in range(n)], rel=1e-4)
+
+
 def test_a_problem_does_not_change() -> None:
     problem = ContactProblem.from_bodies(np.eye(3), np.eye(3), [-1, 0, 0], np.zeros(3), [0.5])
     for name, value in {"local": None, "source": None, "mu": 3.0}.items():

@@ -259,11 +259,9 @@ def solve(
         err_scaled=float(found["err_scaled"]),
     )
     if not solution.converged and on_nonconvergence == "raise":
-        cure = "error.solution holds what was found; "
+        cure = "error.solution holds what was found; another solver, more iterations or a larger tol may do"
         if holds_nothing(local, r, u):
-            cure += "there may be no solution: its normal forces push against one another and take back no approach"
-        else:
-            cure += "another solver, more iterations or a larger tol may do"
+            cure += ", or there may be no solution: its normal forces push against one another and hold next to nothing"
         raise SolveFailed(one_line(f"{problem.title or 'problem'}: {solution}; {cure}"), solution)
     return solution
 
