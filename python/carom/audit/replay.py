@@ -115,6 +115,8 @@ class Replay(Energy):
     ) -> None:
         super().__init__(block, r, kept, end)
         run = block.run
+        #: The first impact problem drops what joints and loads answered to the loads; springs and Poisson's law add to it.
+        self.anew = run.impact_law.restitution not in ("energetic", "poisson")
         self.pressed: compression.Compression | None = None
         if run.impact_law.restitution == "poisson":
             whole, joined = slice(0, len(r)), groups(block, r)
@@ -158,11 +160,11 @@ class Replay(Energy):
                 self.loaded = self.now.copy()
                 self.loaded[where] += own
                 where, own = at_kept, change
-                self._works(rows, where, own)
+                self.works_of_loads(rows, where, own)
             else:
                 minus[where] += own
             self.now[where] += own
-        self._tell_works()
+        self.tell_works()
         self._tell_missing()
         return {
             kind: Told(*map(np.concatenate, zip(*parts, strict=True))) for kind, parts in self.told.items()
@@ -275,7 +277,7 @@ class Replay(Energy):
         if r.problem[0] > 0:
             self.work[rows] = works.done(push, self.slide[rows], r.moment, self.lever[rows], before, after)
         self._turning(rows, left, after, np.flatnonzero(~scaled), off)
-        self._energy(rows, (at, change), rho, before, after)
+        self.energy(rows, (at, change), rho, before, after)
         reach = np.abs(self.now[at]) + np.abs(change)
         k, body = np.divmod(at, run.bodies)
         np.maximum.at(self.top, k, norm(reach[:, :3]) + run.radius[body] * norm(reach[:, 3:]))
@@ -302,10 +304,11 @@ class Replay(Energy):
         """(K,) how much slips, m/s, and relative angular velocities, rad/s, may be off after the loads (`cones.kept`)."""
         run, r = self.block.run, self.r.of(rows)
         share = kept(run) * (r.problem == 0)
-        there = share, share * (r.b < run.bodies)
+        ball = r.b < run.bodies
         spins = [norm(of[:, 3:]) for of in now]
-        fast = [norm(of[:, :3]) + run.radius[r.a] * spin for of, spin in zip(now, spins, strict=True)]
-        return [of[0] * there[0] + of[1] * there[1] for of in (fast, spins)]
+        radii = run.radius[r.a], run.radius[np.minimum(r.b, run.bodies - 1)]
+        fast = [norm(of[:, :3]) + radius * spin for of, radius, spin in zip(now, radii, spins, strict=True)]
+        return [of[0] * share + np.where(ball, of[1] * share, 0.0) for of in (fast, spins)]
 
     def _turning(self, rows: slice, left: F64, after: Rates, sure: I64, off: F64) -> None:
         """Moments of a problem in their bounds, and against the motion after it: these know no restitution."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.arrays import F64, I64
+from carom.arrays import F64, I64, Bool
 from carom.audit import bounds, flights, works
-from carom.audit.hits import groups
+from carom.audit.block import Block
+from carom.audit.hits import Hits, groups
 from carom.audit.rates import Rates, rates
 from carom.audit.replay_motion import Motion
 from carom.audit.vectors import EPS, add_at, dot, norm
@@ -15,7 +16,14 @@ from carom.audit.vectors import EPS, add_at, dot, norm
 class Energy(Motion):
     """Works of the rows, and what the laws say of them."""
 
-    def _works(self, rows: slice, at: I64, change: F64) -> None:
+    def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool) -> None:
+        super().__init__(block, r, kept, end)
+        #: (K, 4) works of each row, J.
+        self.work = np.zeros((len(r), 4))
+        #: (B,) what the compression of Poisson's law took, J.
+        self.spent = np.zeros(block.count)
+
+    def works_of_loads(self, rows: slice, at: I64, change: F64) -> None:
         """Works of the loads, of which those count that no impact took back."""
         a, b = (of[rows] for of in self.at)
         self.scratch[at] = change
@@ -36,7 +44,7 @@ class Energy(Motion):
             found = works.done(self.push[rows], self.slide[rows], r.moment, lever, before, after)
         self.work[rows] = np.where(self.kept[rows, None], found, 0.0)
 
-    def _tell_works(self) -> None:
+    def tell_works(self) -> None:
         """Works of a contact over all its rows, told of the last of these."""
         block, r, c = self.block, self.r, self.block.rows
         contact, known = r.contacts(block)
@@ -51,7 +59,7 @@ class Energy(Motion):
         order = np.argsort(last[mine])
         self.tell("work", last[mine][order], value[order], spread[mine][order])
 
-    def _energy(self, rows: slice, moved: tuple[I64, F64], rho: F64, before: Rates, after: Rates) -> None:
+    def energy(self, rows: slice, moved: tuple[I64, F64], rho: F64, before: Rates, after: Rates) -> None:
         """Rule R4 in each problem: works of impulses by the mean of the velocities before and after them.
 
         Bound: `bounds.gain` of the kinetic energy of the bodies that the problem moves; and what a residual `rho` (`bounds`)

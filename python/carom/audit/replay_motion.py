@@ -47,10 +47,6 @@ class Motion:
     def __init__(self, block: Block, r: Hits, kept: Bool, end: Bool) -> None:
         self.block, self.r, self.kept = block, r, kept
         self.told: dict[str, list[Told]] = {}
-        #: The first impact problem drops what joints and loads answered to the loads; springs and Poisson's law add to it.
-        self.anew = block.run.impact_law.restitution not in ("energetic", "poisson")
-        self.work = np.zeros((len(r), 4))
-        self.spent = np.zeros(block.count)
         run = block.run
         self.inertia = np.tile(
             np.repeat(np.stack([run.mass, run.inertia], axis=1), 3, axis=1), (block.count, 1)
