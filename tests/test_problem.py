@@ -218,7 +218,7 @@ def test_solvers_that_end_early_say_nothing_of_no_solution() -> None:
 
 
 def test_what_may_have_no_solution_may_as_well_converge_slowly() -> None:
-    """A column of balls whose masses grow tenfold: `gauss-seidel` creeps, its forces hold nothing yet, and others solve it."""
+    """A column of balls whose masses grow tenfold: `gauss-seidel` creeps, its forces hold nothing yet; `auto` solves it."""
     light, n = 10.0 ** -np.arange(8), 8
     normal = np.diag(light + np.append(0.0, light[:-1])) - np.diag(light[:-1], 1) - np.diag(light[:-1], -1)
     column = ContactProblem.from_matrices(

@@ -117,8 +117,8 @@ def holds_nothing(problem: LocalProblem, r: F64, u: F64) -> bool:
     """Whether normal forces `r` work against one another alone, and nothing penetrates less than with `r = 0`.
 
     At a solution `r_N . (W r)_N = -q_N . r_N`, whatever the friction. Forces without friction whose left side is 0, and not
-    the right one, are the proof that there is none (Farkas): they may grow without end. Here it is small, a sign and no proof:
-    where masses are very unlike, slow convergence looks alike.
+    the right one, are the proof that there is none (Farkas): they may grow without end. Here it is small,
+    a sign and no proof: where masses are very unlike, slow convergence looks alike.
     """
     force, after, before = (v[:: problem.dimension] for v in (r, u, problem.q))
     with np.errstate(over="ignore", invalid="ignore"):

@@ -41,7 +41,10 @@ class Shot:
     hits: tuple[Hit, ...]
     pocketed: tuple[Pocketed, ...]
     pushed: tuple[str, ...] = ()
-    """The balls that the cue ball touched at the start, or that touched one of them, and that moved without a hit."""
+    """The balls that the cue ball touched at the start, or that touched one of them, and that moved without a hit.
+
+    Frames show who moved. With few frames only a first hit on a ball that lay still and touched none shows it, too.
+    """
 
     @property
     def first(self) -> str | None:
@@ -82,23 +85,32 @@ def struck(result: RunData) -> list[str]:
 
 
 def _pushed(result: RunData, cue: str, others: list[str], hits: list[Hit]) -> list[str]:
-    """The balls that touched the cue ball at the start, or one that did, and moved before another ball hit them.
+    """The balls that touched the cue ball at the start, or one that did, and moved before another ball hit them: a frame
+    shows it, or that their first hit is of a ball which lay still and by itself.
 
     They move with the balls that touch them, so no hit says who moved them. `others` are struck themselves.
     """
     start, radius, time = np.asarray(result.position[0]), np.asarray(result.bodies["radius"]), result.time
+    gap = np.linalg.norm(start[:, None] - start, axis=2) - radius[:, None] - radius
+    touch = gap < FROZEN * radius
+    still = set(np.array(result.names)[touch.sum(axis=1) == 1].tolist()) - {cue, *others}  # itself alone
     moved = (
         np.linalg.norm(np.asarray(result.position) - start, axis=2) > FROZEN * radius
     )  # not where it is gone: NaN
+    met: dict[str, Hit] = {}
+    for hit in hits:
+        met = {hit.ball: hit, hit.other: hit} | met
     free = []
     for name, ways in zip(result.names, moved.T, strict=True):
-        first = min((hit.time for hit in hits if name in (hit.ball, hit.other)), default=np.inf)
-        free.append(name not in others and bool(ways[np.asarray(time) < first].any()))
+        first = met.get(name)
+        seen = ways if first is None else ways[np.asarray(time) < first.time]
+        came = first is not None and any(
+            ball in still and met[ball] is first for ball in {first.ball, first.other} - {name}
+        )
+        free.append(name not in others and (came or bool(seen.any())))
     reached = np.array(result.names) == cue
     while True:
-        reach = start[reached][:, None] - start
-        gap = np.linalg.norm(reach, axis=2) - radius[reached][:, None] - radius
-        more = reached | ((gap < FROZEN * radius).any(axis=0) & free)
+        more = reached | (touch[reached].any(axis=0) & free)
         if (more == reached).all():
             return [name for name in np.array(result.names)[reached].tolist() if name != cue]
         reached = more
