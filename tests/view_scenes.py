@@ -33,7 +33,7 @@ class Shown(SimpleNamespace):
     scene = Scene()
     impacts = Table(time=np.zeros(0))
     contacts = Table(status=np.zeros(0))
-    energy = SimpleNamespace(time=np.zeros(0))
+    energy = SimpleNamespace(**dict.fromkeys(("time", "kinetic", "potential"), np.zeros(0)))
 
     def __getattr__(self, name: str) -> Any:
         if name == "present":

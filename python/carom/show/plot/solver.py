@@ -8,6 +8,7 @@ import numpy as np
 
 from carom.arrays import F64, Array
 from carom.errors import CaromError, counted
+from carom.show.energies import energies as of_record
 from carom.show.plot.style import COLOURS, GREY, Chart, fitted, legend, panels, styled, whole_numbers
 
 if TYPE_CHECKING:
@@ -20,22 +21,20 @@ MARKERS = {"position": "o", "velocity": "s"}
 
 
 def energies(result: RunData) -> Chart:
-    """Kinetic, potential and total energy, J, after every step."""
-    energy = result.energy
-    series = {"kinetic": energy.kinetic, "potential": energy.potential, "total": energy.total}
+    """Kinetic, potential and total energy, J, at the start and after every step."""
+    time, kinetic, potential = of_record(result)
+    series = {"kinetic": kinetic, "potential": potential, "total": kinetic + potential}
     with styled():
         figure, (axes,) = panels(1, 2.8, result.title)
         looks = ((COLOURS[0], "-"), (COLOURS[1], "-"), (COLOURS[6], (0, (5, 2))))
         for (name, values), (colour, dash) in zip(series.items(), looks, strict=True):
-            axes.plot(energy.time, values, color=colour, linestyle=dash, label=name)
+            axes.plot(time, values, color=colour, linestyle=dash, label=name)
         axes.margins(x=0.01)
         axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
         axes.set_xlabel("time (s)")
         axes.set_ylabel("energy (J)")
         legend(figure, axes)
-    return Chart(
-        figure, {"time (s)": energy.time, **{f"{name} (J)": values for name, values in series.items()}}
-    )
+    return Chart(figure, {"time (s)": time, **{f"{name} (J)": values for name, values in series.items()}})
 
 
 def iterations(result: RunData) -> Chart:

@@ -14,6 +14,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Array
 from carom.result.data import RunData
+from carom.show.energies import energies
 from carom.show.viewer import codec
 
 MAX_IMPACTS = 100_000
@@ -133,16 +134,14 @@ def _frames_of(
 
 
 def _energies(result: RunData, found: Happenings) -> None:
-    """Time, kinetic and potential energy after the steps, thinned for a plot; the last step is always in."""
-    energy = result.energy
-    if len(energy.time) < 2:
+    """Time, kinetic and potential energy at the start and after the steps, thinned for a plot; the last step is in."""
+    every = energies(result)
+    count = len(every[0])
+    if count < 2:
         return
-    stride = -(-len(energy.time) // MAX_ENERGIES)
-    rows = np.unique(np.append(np.arange(0, len(energy.time), stride), len(energy.time) - 1))
-    series = [
-        np.asarray(values, dtype=np.float64)[rows]
-        for values in (energy.time, energy.kinetic, energy.potential)
-    ]
+    stride = -(-count // MAX_ENERGIES)
+    rows = np.unique(np.append(np.arange(0, count, stride), count - 1))
+    series = [values[rows] for values in every]
     if all(np.isfinite(values).all() for values in series):
         found.doubles["energy"] = np.concatenate(series)
 
