@@ -83,6 +83,42 @@ def test_of_a_long_sequence_the_sums_of_its_problems_are_drawn(
         assert {text.get_text() for text in legend.get_texts()} == set(few.data["status"])
 
 
+def fallen(method: str, until: float, step: float) -> carom.Result:
+    """A light ball falls from 20 mm, a heavy one from 70 mm."""
+    scene = carom.Scene("t", gravity=(0, 0, -9.8), run={"until": until, "step": step, "method": method})
+    scene.contact("m", "m", friction=0.0, restitution=0.5)
+    scene.plane("floor", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    for name, mass, height in (("light", 0.1, 0.02), ("heavy", 1.0, 0.07)):
+        scene.sphere(name, radius=0.01, mass=mass, at=(mass, 0, 0.01 + height), material="m")
+    return carom.simulate(scene)
+
+
+def test_impacts_one_after_the_other_have_a_place_each() -> None:
+    """Those of one step of method events lay on one spot, their numbers over each other."""
+    chart = fallen("events", 0.5, 0.5).plot.chart("impacts", step=1)
+    time, size = chart.data["time (s)"], chart.data["normal impulse (N s)"]
+    assert len(time) > 20
+    assert (np.diff(time) > 0).all()
+    above, rows = chart.figure.axes
+    assert sorted(np.concatenate([c.get_offsets()[:, 0] for c in rows.collections])) == list(
+        range(1, len(time) + 1)
+    )
+    felt = size > contact.NOTHING * size.max()
+    assert above.lines[0].get_ydata() == pytest.approx(size[felt])
+    assert f"{time[0]:.5g} to {time[-1]:.5g} s" in above.get_title(loc="left")
+
+
+def test_of_steps_with_equally_many_problems_the_strongest_is_shown() -> None:
+    result = fallen("nsga", 0.3, 1e-3)
+    strongest = np.argmax(np.linalg.norm(np.asarray(result.impacts["impulse"]), axis=1))
+    assert strongest > 0
+    assert contact.busiest_step(result) == result.impacts["step"][strongest]
+    # In one step of method events all bounces count, and one step with two is before one with a harder hit.
+    bounces = fallen("events", 0.3, 0.02)
+    steps, counts = np.unique(np.asarray(bounces.impacts["step"]), return_counts=True)
+    assert contact.busiest_step(bounces) == steps[np.argmax(counts)]
+
+
 def test_iterations_are_summed_up_beside_the_curves(broken: carom.Result) -> None:
     for axes in broken.plot.iterations().axes:
         assert not axes.texts

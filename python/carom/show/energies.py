@@ -20,7 +20,7 @@ def energies(result: RunData) -> tuple[F64, F64, F64]:
         np.asarray(values, dtype=np.float64) for values in (energy.time, energy.kinetic, energy.potential)
     ]
     total = (result.summary.get("energy") or {}).get("initial")
-    steps = result.steps["step"] if total is not None and len(result.step) else ()
+    steps = np.asarray(result.steps["step"] if total is not None and len(result.step) else [])
     # That is before the first step of the record, at its first frame.
     if total is not None and len(steps) and result.step[0] + 1 == steps[0]:
         time = float(result.time[0])

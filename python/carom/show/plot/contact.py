@@ -133,8 +133,9 @@ def _closed(result: RunData, pair: I64, gap: Array, frames: Array) -> Bool:
 def impacts(result: RunData, step: int | None = None) -> Chart:
     """The impact problems of one step, by default of that with most: for each, the pairs that take part and their impulses.
 
-    The area of a disc is the size of the normal impulse. Problem 0 is that of the loads in a step with an impact. Where a
-    sequence is too long for numbers, a panel above shows the sum of the impulses of each problem.
+    The area of a disc is the size of the normal impulse. Problem 0 is that of the loads in a step with an impact. Problems
+    of several times in the step are numbered anew, in their order. Where a sequence is too long for numbers, a panel above
+    shows the sum of the impulses of each problem.
     """
     step = busiest_step(result) if step is None else step
     rows = result.impacts.where(np.asarray(result.impacts["step"]) == step)
@@ -149,8 +150,9 @@ def impacts(result: RunData, step: int | None = None) -> Chart:
     listed = [pair for pair in dict.fromkeys(pairs) if pair in shown]
     labels = dict(zip(pairs, map(paired, np.asarray(rows["pair"])), strict=True))
     status = np.array([STATUS[int(k)] for k in np.asarray(rows["status"])])
-    time = float(np.asarray(rows["time"])[0])
+    time = np.asarray(rows["time"])
     numbers: dict[str, Array] = {
+        "time (s)": time,
         "problem": problem,
         "pair": pairs,
         "status": status,
@@ -159,8 +161,12 @@ def impacts(result: RunData, step: int | None = None) -> Chart:
         "approach (m/s)": np.asarray(rows["approach"]),
         "separation (m/s)": np.asarray(rows["separation"]),
     }
-    title = f"{result.title}: impacts of step\u00a0{step}, t\u00a0=\u00a0{time:.5g}\u00a0s"
+    first, last = (f"{t:.5g}" for t in (time.min(), time.max()))
+    when = first if time.min() == time.max() else f"{first}\u00a0to\u00a0{last}"
+    title = f"{result.title}: impacts of step\u00a0{step}, t\u00a0=\u00a0{when}\u00a0s"
     names = [labels[pair] for pair in listed]
+    if time.min() != time.max():
+        problem = 1 + np.unique(np.stack([time, problem]), axis=1, return_inverse=True)[1].ravel()
     discs = Discs(
         problem,
         np.array([listed.index(pair) if pair in shown else -1 for pair in pairs]),
@@ -263,12 +269,19 @@ def _indent(names: list[str]) -> float:
 
 
 def busiest_step(result: RunData) -> int:
-    """The first of the steps with most impact problems."""
+    """The step with most impact problems, of several the one with the largest impulse, of these the first."""
     if not len(result.impacts):
         raise CaromError("the run holds no impacts: nothing hit anything, or impacts = false in [record]")
-    step, problem = np.asarray(result.impacts["step"]), np.asarray(result.impacts["problem"])
-    # Among equals, the one with most contacts.
-    steps, of_row = np.unique(step, return_inverse=True)
-    last = np.zeros(len(steps))
-    np.maximum.at(last, of_row.ravel(), problem)
-    return int(steps[np.lexsort((-np.bincount(of_row.ravel()), -last))[0]])
+    step, time, problem = (np.asarray(result.impacts[name]) for name in ("step", "time", "problem"))
+    hit, of_row = np.unique(step, return_inverse=True)
+    largest = np.zeros(len(hit))
+    np.maximum.at(largest, of_row.ravel(), np.linalg.norm(np.asarray(result.impacts["impulse"]), axis=1))
+    # Of several times in a step the table of steps has the longest sequence, and of problems that nothing came of no rows.
+    times = np.unique(np.stack([step, time, problem])[:, problem > 0], axis=1)[0]
+    counts = np.searchsorted(times, hit, side="right") - np.searchsorted(times, hit)
+    steps = np.asarray(result.steps["step"])
+    there = np.isin(hit, steps)
+    counts[there] = np.maximum(
+        counts[there], np.asarray(result.steps["impact_problems"])[np.isin(steps, hit)]
+    )
+    return int(hit[np.lexsort((-largest, -counts))[0]])
