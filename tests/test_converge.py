@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import carom
 import numpy as np
 import pytest
 from carom import Scene
-from carom.many.order import error_of, order_of
+from carom.many.order import Order, error_of, order_of
 from carom.many.quantity import Quantity
 from typer.testing import CliRunner
 
@@ -320,6 +321,21 @@ def test_command_prints_a_table_and_draws(scenario: str, tmp_path: Path) -> None
         code, _, err = command(*again, str((tmp_path / taken).with_suffix(".svg")))
         assert (code, f"{taken} exists already; give --force" in err) == (2, True)
         (tmp_path / "order.svg").unlink(missing_ok=True)  # its numbers alone are left
+
+
+def test_lines_of_order_1_and_2_lie_below_curves_with_an_order() -> None:
+    """They stood below those that are rounding."""
+    from carom.show.plot.convergence import convergence
+
+    rows = {"a": [4e-3, 2e-3, 1e-3], "b": [1e-15, 3e-15, 1e-15]}
+    order = Order(1.0, 0.0, (1.0, 1.0), 1.0)
+    for orders, starts in (({"a": order, "b": None}, [3e-4, 3e-4]), ({"a": None, "b": None}, [])):
+        study = SimpleNamespace(
+            title="t", reference="r", steps=[4e-3, 2e-3, 1e-3], errors=rows, orders=orders
+        )
+        [axes] = convergence(study).figure.axes
+        dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
+        assert [line.get_ydata()[0] for line in dashed] == pytest.approx(starts)
 
 
 def test_command_refuses_what_it_cannot_do(scenario: str) -> None:

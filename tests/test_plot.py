@@ -287,7 +287,7 @@ def test_balls_that_left_leave_the_figures_and_the_others_stay(tmp_path: Path) -
     assert result.present[0].all()
     assert np.asarray(result.present[-1]).sum() == 9
     heights = result.plot.chart("heights").data
-    assert heights["median height (mm)"] == pytest.approx(0.0, abs=1e-6)
+    assert heights["median height of the centre (mm)"] == pytest.approx(0.0, abs=1e-6)
     speeds = result.plot.chart("velocities").data
     assert speeds["least v_y (m/s)"][-1] == np.asarray(result.velocity)[-1, 1:, 1].min() > 0
     one = result.plot.chart("velocities", bodies=["b0"]).data["b0 v_y (m/s)"]
@@ -361,7 +361,7 @@ def test_of_many_bodies_the_spread_is_the_same_however_few_frames_fit_the_memory
     assert whole["velocities"]["greatest v_z (m/s)"] == pytest.approx(
         1.1 - 9.8 * np.asarray(result.time), abs=1e-9
     )
-    assert whole["heights"]["median height (mm)"][0] == 0.0
+    assert whole["heights"]["median height of the centre (mm)"][0] == 0.0
     monkeypatch.setattr(motion, "BLOCK", 100)  # two frames
     monkeypatch.setattr(motion, "MOST_FRAMES", 20)
     for kind, columns in whole.items():

@@ -84,7 +84,7 @@ def test_names_with_commas_are_given_as_in_csv(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["plot", str(run), *arguments])
     assert done.exit_code == 0, done.output
     with (tmp_path / "heights.csv").open(newline="") as file:
-        assert next(csv.reader(file)) == ["time (s)", f"{names[0]} height (m)"]
+        assert next(csv.reader(file)) == ["time (s)", f"{names[0]} height of the centre (m)"]
 
 
 def test_letters_that_the_font_lacks_are_told_in_one_line(tmp_path: Path) -> None:

@@ -119,6 +119,27 @@ def test_of_steps_with_equally_many_problems_the_strongest_is_shown() -> None:
     assert contact.busiest_step(bounces) == steps[np.argmax(counts)]
 
 
+def test_heights_show_no_rounding_and_name_what_they_are_of() -> None:
+    """A ball that rests was drawn hopping by 1e-9 mm."""
+    rest = carom.Scene("t", gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    rest.contact("m", "m", friction=0.0, restitution=0.5)
+    rest.plane("floor", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    rest.sphere("a", radius=0.01, mass=1.0, at=(0, 0, 0.01 + 3e-12), material="m")
+    chart = carom.simulate(rest).plot.chart("heights")
+    assert np.ptp(chart.figure.axes[0].get_ylim()) >= 1e-5 * (1 - 1e-9)
+    assert list(chart.data) == ["time (s)", "a height (mm)"]
+    free = carom.Scene("t", gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    free.sphere("a", radius=0.01, mass=1.0, at=(0, 0, 0), material="m")
+    assert list(carom.simulate(free).plot.chart("heights").data)[1] == "a height of the centre (mm)"
+
+
+def test_a_step_is_drawn_from_its_start_to_its_end() -> None:
+    result = fallen("nsga", 0.1, 1e-3)
+    line = result.plot.iterations().axes[2].lines[0]
+    assert (line.get_drawstyle(), line.get_xdata()[0]) == ("steps-pre", 0.0)
+    assert line.get_xdata()[1:].tolist() == result.steps["time"].tolist()
+
+
 def test_iterations_are_summed_up_beside_the_curves(broken: carom.Result) -> None:
     for axes in broken.plot.iterations().axes:
         assert not axes.texts

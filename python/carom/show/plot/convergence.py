@@ -35,7 +35,9 @@ def convergence(study: Convergence) -> Chart:
                 axes.loglog(h, order.factor * h**order.value, color=colour, linewidth=0.8)
             marker = MARKERS[i % len(MARKERS)]
             axes.loglog(h[shown], errors[shown], marker, color=colour, markersize=4.5, label=label)
-        _slopes(axes, h, np.array([e for row in study.errors.values() for e in row]))
+        _slopes(
+            axes, h, np.array([e for name, row in study.errors.items() if study.orders[name] for e in row])
+        )
         axes.set_xlabel("step h (s)")
         axes.set_ylabel("relative error")
         legend(figure, axes, columns=2)
@@ -43,7 +45,7 @@ def convergence(study: Convergence) -> Chart:
 
 
 def _slopes(axes: Axes, h: Array, errors: Array) -> None:
-    """Dashed lines of order 1 and 2 from one point below the errors, to compare slopes with."""
+    """Dashed lines of order 1 and 2 from one point below the errors that show an order, to compare slopes with."""
     positive = errors[errors > 0]
     if not len(positive):
         return

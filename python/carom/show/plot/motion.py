@@ -46,6 +46,7 @@ def heights(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     level = np.zeros(len(result.time)) if floor is None else result.walls[floor].position @ up
     radius = np.zeros(1) if floor is None else np.asarray(result.bodies["radius"])[columns]
     label = "height of the centre" if floor is None else f"height above {named(floor)}"
+    what = "height of the centre" if floor is None else "height"
 
     def height(position: F64, rows: I64) -> F64:
         return np.asarray(position @ up - level[rows, np.newaxis] - radius)[:, :, np.newaxis]
@@ -57,11 +58,12 @@ def heights(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
         figure, (axes,) = panels(1, 2.8, result.title)
         time = np.asarray(result.time)[frames]
         data = _draw(axes, time, values * scale, names)
+        _opened(axes, 1e-6 * scale * float(np.max(np.asarray(result.bodies["radius"])[columns], initial=0.0)))
         axes.set_ylabel(f"{label} ({unit})")
         axes.set_xlabel("time (s)")
         legend(figure, axes)
     return Chart(
-        figure, {"time (s)": time, **{f"{name} height ({unit})": column for name, column in data.items()}}
+        figure, {"time (s)": time, **{f"{name} {what} ({unit})": column for name, column in data.items()}}
     )
 
 
@@ -124,6 +126,13 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
     axes.plot(time, least, **thin, label="least and greatest (single bodies: --bodies A,B)")
     axes.plot(time, most, **thin)
     return {"5 %": low, "median": middle, "95 %": high, "least": least, "greatest": most}
+
+
+def _opened(axes: Axes, least: float) -> None:
+    """Let the vertical axis span `least` at least: what is smaller is rounding, which would look like motion."""
+    low, high = axes.get_ylim()
+    if high - low < least:
+        axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
 
 
 def _flat(values: F64) -> bool:

@@ -50,7 +50,9 @@ def iterations(result: RunData) -> Chart:
         figure, axes = panels(3, 4.6, result.title, 2.2)
         for axis, (label, column), colour in zip(axes, rows.items(), COLOURS, strict=False):
             values = np.asarray(result.steps[column])
-            axis.plot(time, values, color=colour, drawstyle="steps-mid", linewidth=0.9)
+            # Each step from its start to its end.
+            ends, drawn = np.append(time[:1] - _step_size(result), time), np.append(values[:1], values)
+            axis.plot(ends, drawn, color=colour, drawstyle="steps-pre", linewidth=0.9)
             whole_numbers(axis.yaxis, 4)
             axis.set_ylim(0, max(1.0, float(np.max(values, initial=0))) * 1.08)
             axis.margins(x=0.01)
@@ -113,7 +115,7 @@ def residuals(result: RunData, step: int | None = None) -> Chart:
         whole_numbers(axes.xaxis, 12)
         axes.set_xlabel("Newton iteration")
         axes.set_ylabel("norm of the residual")
-        axes.legend(loc="best", ncols=1)
+        legend(figure, axes, columns=2)
     return Chart(figure, _rows(histories))
 
 
