@@ -99,15 +99,17 @@ def number(value: float | str | None, tolerance: float | None = None) -> str:
 
 def _introduction(report: Report) -> list[str]:
     count, rest = report.verdicts, ""
-    told = [f"{count['ok']} agree"]
+    told = [f"{count['ok']} agree{'s' * (count['ok'] == 1)}"]
     if count["paper in error"]:
         shown = _shown(report)
         errors = sum(1 for _, rows in shown if rows)
         why = f"{errors} errors of the paper" if errors > 1 else "one error of the paper"
         if len(shown) > errors:
             rest = f" Of the {len(shown)} errors listed below {len(shown) - errors} change no number here."
+        some = count["paper in error"]
+        verbs = ("agrees", "differs") if some == 1 else ("agree", "differ")
         told.append(
-            f"{count['paper in error']} agree with the corrected theory and differ from the paper's because of {why}"
+            f"{some} {verbs[0]} with the corrected theory and {verbs[1]} from the paper's because of {why}"
         )
     told.append(f"**{count['short']} short**" if count["short"] else "none falls short")
     quick = (
