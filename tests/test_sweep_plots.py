@@ -158,3 +158,23 @@ def test_figures_of_a_study_whose_cases_all_failed(files: Path) -> None:
     assert len(found.failures) == 2
     with pytest.raises(CaromError, match=r"no case reached its end.*sweep.failures says why"):
         found.plot()
+
+
+def test_every_column_of_places_has_its_numbers_below(files: Path) -> None:
+    """The second of three balls has nothing below it; its panel had ticks alone."""
+    pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
+    from carom.cli.examples import find
+    from carom.many.sweep.plot import places
+
+    study = carom.Study.of(find("three_balls"), {"first.velocity.x": [1.0, 2.0]})
+    axes = places(carom.sweep(study, files / "three", workers=0)).figure.axes
+    assert [axis.get_xlabel() for axis in axes[:3]] == ["", "$x$ (m)", "$x$ (m)"]
+    assert [axis.xaxis.get_tick_params()["labelbottom"] for axis in axes[:3]] == [False, True, True]
+
+
+def test_labels_of_fits_have_units() -> None:
+    from carom.many.fit.plot import _label
+
+    assert _label("cue.position.x") == "cue\nposition.x (m)"
+    assert _label("b.angular_velocity.z") == "b\nangular_velocity.z (rad/s)"
+    assert _label("share") == "share"

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from carom.arrays import Array
+from carom.many.fit.data import moving
 from carom.many.fit.points import Points
+from carom.result.kinematics import QUANTITIES
 from carom.show.plot.style import COLOURS, GREY, Chart, literal, panels, styled, width
+from carom.text import shortened
 
 if TYPE_CHECKING:
     from carom.many.fit.result import Fit
 
 #: Quantities that are drawn, the first ones.
 MOST = 6
+#: Letters beside a panel.
+LETTERS = 20
 
 
 def curves(fit: Fit) -> Chart:
@@ -25,7 +31,7 @@ def curves(fit: Fit) -> Chart:
     numbers = {name: values for name, values in table.items() if values.dtype.kind != "U"}
     chosen = list(dict.fromkeys(table["quantity"].tolist()))[:MOST]
     with styled():
-        figure = Drawing(figsize=(width(), 1.4 * len(chosen) + 0.5), layout="constrained")
+        figure = Drawing(figsize=(width(), 1.6 * len(chosen) + 0.5), layout="constrained")
         grid = figure.subplots(len(chosen), 2, squeeze=False, width_ratios=(3, 2))
         for (axis, rest), name in zip(grid, chosen, strict=True):
             rows = np.flatnonzero(table["quantity"] == name)
@@ -44,18 +50,29 @@ def curves(fit: Fit) -> Chart:
             axis.errorbar(
                 x[order], found[order], shown, fmt=style, color=COLOURS[1], linewidth=0.9, label="fitted"
             )
-            axis.set_ylabel(literal(name))
+            axis.set_ylabel(_label(name))
             rest.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
             rest.plot(x, left, ".", color=COLOURS[0], markersize=3)
             for side in (axis, rest):
-                side.set_xlabel("$t$ (s)" if curve else "")
+                side.set_xlabel("time (s)" if curve else "")
                 if not curve:
                     side.set_xticks(x, [""] * len(x))
                     side.set_xlim(0.5, len(rows) + 0.5)
+        figure.align_ylabels(grid[:, 0])
         grid[0, 0].legend()
         grid[0, 1].set_title("residual over uncertainty", loc="left")
         figure.suptitle(literal(fit.calibration.study.title), x=0.01, ha="left", fontsize=9)
     return Chart(figure, {"target": table["quantity"], **numbers})
+
+
+def _label(name: str) -> str:
+    """A quantity with its unit where that is known, in lines that its panel has room for."""
+    known = moving(name)
+    if known is None:
+        return literal("\n".join(textwrap.wrap(shortened(name, 2 * LETTERS), LETTERS)))
+    ball, quantity, component = known
+    unit = QUANTITIES[quantity][1]
+    return literal(f"{shortened(ball, LETTERS)}\n{quantity}.{component}" + f" ({unit})" * (unit != "1"))
 
 
 def path(points: Points) -> Chart:

@@ -138,7 +138,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
         (left, right), (low, high) = ((np.nanmin(of), np.nanmax(of)) for of in ends)
         tall = float(np.clip((high - low) / max(right - left, 1e-12), 0.3, 1.2))
         wide = 0.55 * max(right - left, (high - low) / tall, 1e-12)  # half of a panel
-        height = 0.9 + lines * (0.45 + tall * 0.85 * width() / columns)
+        height = 0.75 + lines * (0.3 + tall * 0.76 * width() / columns)
         figure = Drawing(figsize=(width(), height), layout="constrained")
         axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axis, name in zip(axes, names, strict=False):
@@ -164,6 +164,9 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
             axis.set_visible(False)
         for axis in axes:
             axis.label_outer()
+        for axis in axes[max(0, len(names) - columns) : len(names)]:  # nothing stands below
+            axis.tick_params(labelbottom=True)
+            axis.set_xlabel(f"${letters[0]}$ (m)")
         figure.colorbar(dots, ax=list(axes), label=_label(sweep, by, height - 1.0), aspect=40, shrink=0.8)
         figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
