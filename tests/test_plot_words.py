@@ -158,3 +158,20 @@ def test_walls_that_were_taken_away_are_not_drawn(until: float, drawn: int) -> N
     [axes] = carom.simulate(scene).plot.trajectories().axes
     assert len(axes.collections) == drawn
     assert len([line for line in axes.lines if line.get_linewidth() > 1.5]) == drawn
+
+
+def test_a_long_flat_scene_has_no_empty_band_around_its_axes() -> None:
+    """The sheet was taller than its axes, which keep the shape of the scene: a third of it was blank."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    scene = carom.Scene("t", gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    scene.contact("m", "m", friction=0.0, restitution=0.5)
+    for k in range(2):
+        scene.sphere(f"b{k}", radius=0.01, density=1000, at=(k, 0, 0), material="m")
+    figure = carom.simulate(scene).plot.trajectories()
+    FigureCanvasAgg(figure).draw()
+    [axes] = figure.axes
+    drawn = figure.get_tightbbox(figure.canvas.get_renderer())
+    assert drawn.height > 0.85 * figure.get_size_inches()[1]
+    assert drawn.y0 >= 0.0
+    assert axes.get_position().height * figure.get_size_inches()[1] > 0.9

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 #: Height of a figure over its width at most, and at least.
-TALLEST, FLATTEST = 1.2, 0.3
+TALLEST, FLATTEST = 1.2, 0.15
 #: Above so many balls their paths would fill the figure: the balls at the end are drawn alone, the highest on top.
 CROWD = 200
 #: Of a box, as pairs of its corners.
@@ -120,10 +120,13 @@ def _sheet(
     for point, direction in lines:  # its place nearest to the paths comes into the view
         foot = point + ((middle - point) @ direction) * direction
         low, high = np.minimum(low, foot), np.maximum(high, foot)
+    # What is flatter than the sheet has room above and below within the axes, not around them.
+    lacking = np.array([0.0, 0.5 * max(0.0, FLATTEST * float((high - low)[0]) - float((high - low)[1]))])
+    low, high = low - lacking, high + lacking
     margin = 0.03 * float(np.max(high - low))
     with styled():
         aspect = float(np.clip((high - low)[1] / max((high - low)[0], 1e-12), FLATTEST, TALLEST))
-        height = width() * aspect + 0.9 if shape is None else 0.92 * width() * aspect + 0.75  # no legend
+        height = width() * aspect + 1.15 if shape is None else 0.92 * width() * aspect + 0.75  # no legend
         figure = Drawing(figsize=(width(), height), layout="constrained")
         axes = figure.subplots()
         axes.set_title(fitted(result.title), loc="left")
