@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import carom
 import numpy as np
 import pytest
@@ -165,7 +167,7 @@ def test_a_ball_that_overlaps_its_plane_touches_it(method: str) -> None:
     assert event.time == pytest.approx(2.0 / (7.0 * MU * G), abs=2e-3)
 
 
-def test_a_contact_that_is_there_before_its_first_impact_is_told_by_its_frame() -> None:
+def test_a_contact_that_is_there_before_its_first_impact_is_of_the_start() -> None:
     """A ball rolls on a floor that shakes off and hits again between two frames: it touched from the start."""
     scene = carom.Scene(run={"until": 0.1, "step": 1e-3})
     scene.sphere("ball", radius=R, mass=0.17, at=(0, 0, R), material="ball")
@@ -176,7 +178,20 @@ def test_a_contact_that_is_there_before_its_first_impact_is_told_by_its_frame() 
     assert 0.01 < result.impacts["time"][0] < 0.02
     event = events.first_contact(result, "ball", "bed")
     assert event is not None
-    assert event.time == pytest.approx(0.01)
+    assert (event.time, event.within) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "run", [{"method": "events", "step": 2.0}, {"method": "events", "step": 0.1}, {"method": "nsga"}]
+)
+def test_a_ball_that_touches_from_the_start_does_so_before_it_rolls_or_leaves(run: dict[str, Any]) -> None:
+    """Its contact had the time of the first frame: after its roll, and after it had left."""
+    scene = shot(1.0, **run)
+    scene.outlet(low=(0.4, -1, -1), high=(0.6, 1, 1))
+    found = events.detect(carom.simulate(scene, until=2.0))
+    mine = [(event.kind, event.time) for event in found if event.body == "cue"]
+    assert [kind for kind, _ in mine] == ["contact", "roll", "left"]
+    assert mine[0][1] == 0.0
 
 
 def test_columns_are_read_once_and_not_for_each_ball(monkeypatch: pytest.MonkeyPatch) -> None:

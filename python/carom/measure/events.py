@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError, among
+from carom.measure.contacts import closed
 from carom.result.tables import UnknownName
 from carom.scene.packing.neighbours import TOUCHING
 
@@ -121,8 +122,8 @@ def slip(velocity: F64, spin: F64, radius: ArrayLike, normal: ArrayLike) -> F64:
 def first_contacts(result: RunData) -> list[Event]:
     """The first contact of every pair that met, in the order of time.
 
-    Of the table of impacts, and of the contacts of the frames, where those that touch from the start (or without any
-    impact, as one that rolls from piece to piece of a wall) appear.
+    Of the table of impacts, and of the contacts of the frames, where those without any impact appear (as of a ball that
+    rolls from piece to piece of a wall). Those that touch from the start have its time.
     """
     return _first(result, None)
 
@@ -293,7 +294,21 @@ def _first(result: RunData, pair: set[int] | None) -> list[Event]:
             # A contact of the frames is known less well than the impact that made it, which is no later than its frame.
             if (a, b) not in earliest or event.time < earliest[a, b].time - 0.5 * earliest[a, b].within:
                 earliest[a, b] = event
-    return _sorted(earliest.values())
+    return _sorted(_of_start(result, earliest))
+
+
+def _of_start(result: RunData, found: dict[tuple[int, int], Event]) -> Iterator[Event]:
+    """First contacts; of those that touch in the first frame at its time, with a speed that may be of this time."""
+    if not found:
+        return
+    start, body = np.asarray(result.position[0]), np.array(list(found))
+    places = start[body[:, 0]], start[np.minimum(body[:, 1], len(start) - 1)]
+    touch = closed(result, body, np.zeros(len(body)), places, np.zeros(len(body), dtype=np.int64))
+    begin = float(result.time[0])
+    for event, touches in zip(found.values(), touch.tolist(), strict=True):
+        at_once = event.time - event.within <= begin
+        speed = event.speed if at_once else float("nan")
+        yield replace(event, time=begin, within=0.0, speed=speed) if touches else event
 
 
 MOTION = ("position", "velocity", "angular_velocity", "present")
