@@ -252,6 +252,14 @@ class TestInThisProcess:
                 v = 4.0 if len(targets) == 2 else 2.0 + given["more"]
                 run = carom.load(folder / "runs" / name)
                 assert run.parameters == {**given, "mu": 0.2, "v": v} == found.scene(case).parameters
+                assert run.study == given == found.scene(case).study
+
+    def test_a_name_of_the_study_and_of_the_file_has_both_values(self, files: Path) -> None:
+        study = carom.Study.of(files / "slide.toml", {"v": [1.0, 2.0]}, set={"v": "= 2*v"}, keep_runs=True)
+        carom.sweep(study, files / "twice", workers=0)
+        runs = [carom.load(files / "twice" / "runs" / name) for name in study.ids]
+        assert [(run.study["v"], run.parameters["v"]) for run in runs] == [(1.0, 2.0), (2.0, 4.0)]
+        assert [run["cue"].velocity[0, 0] for run in runs] == [2.0, 4.0]
 
     @pytest.mark.parametrize(
         ("returned", "words"),

@@ -214,8 +214,13 @@ class RunData(Frames[Column]):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the parameters of the scenario file, and of those of the study whose case it is, SI."""
+        """Values of the parameters of the scenario file, SI, and of those of `study` that it has not."""
         return dict(self._about.get("scenario", {}).get("parameters", {}))
+
+    @property
+    def study(self) -> dict[str, float]:
+        """Values of the parameters of the study whose case was run: a name may be one of the file's as well."""
+        return dict(self._about.get("scenario", {}).get("study", {}))
 
     @cached_property
     def scene(self) -> Scene:

@@ -57,9 +57,12 @@ def checked(directory: RunDir) -> dict[str, Any]:
     if "status" not in about:
         raise CaromError(f"{directory.about} does not say how the run stands (no status); it is damaged")
     parts = about.get("scenario", {})
-    values = parts.get("parameters", {})
-    if not isinstance(values, dict) or any(isinstance(v, str | bool | list | dict) for v in values.values()):
-        raise CaromError(_altered(directory, "scenario.parameters", values))
+    for name in ("parameters", "study"):
+        values = parts.get(name, {})
+        if not isinstance(values, dict) or any(
+            isinstance(v, str | bool | list | dict) for v in values.values()
+        ):
+            raise CaromError(_altered(directory, f"scenario.{name}", values))
     outcome = about.get("outcome") or {}
     known = {"step": (int,), "time": (int, float), "residual": (int, float), "bodies": (list, tuple)}
     for name, kinds in known.items():

@@ -367,6 +367,8 @@ class Run:
         variant: dict[str, Any] = {}
         if scene.parameters:
             variant = {"case": scene.case, "parameters": scene.parameters}
+        if scene.study:
+            variant["study"] = scene.study
         self.about: dict[str, Any] = {
             "format": 1,
             "status": "running",

@@ -35,13 +35,14 @@ class Finding:
 class Source:
     """A scenario text and how messages call it; lines are looked up only when something is wrong.
 
-    `case` and `parameters` say which of its variants was read.
+    `case` and `parameters` say which of its variants was read, `study` the values of a study whose case it is.
     """
 
     def __init__(self, name: str, text: str, raw: Mapping[str, Any]) -> None:
         self.name, self.text, self.raw = name, text, raw
         self.case: str | None = None
         self.parameters: Mapping[str, float] = {}
+        self.study: Mapping[str, float] = {}
         self._is_text = True
         self._map: LineMap | None = None
 
@@ -54,7 +55,7 @@ class Source:
     def varied(self, values: Mapping[str, float], *, is_text: bool) -> Source:
         """That of a case of a study, which has `values` of its own; not `is_text`: its numbers are no longer those here."""
         found = copy.copy(self)
-        found.parameters, found._is_text = {**values, **self.parameters}, is_text
+        found.study, found._is_text = values, is_text
         return found
 
     def holds(self, path: Path) -> bool:

@@ -167,8 +167,13 @@ class Scene(Waller, Attacher, Taker, Deformer):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Values of the parameters of the file that the scene was read from, SI."""
-        return dict(self._source.parameters) if self._source else {}
+        """Values of the parameters of the file that the scene was read from, SI, and of those of `study` that it has not."""
+        return {**self.study, **self._source.parameters} if self._source else {}
+
+    @property
+    def study(self) -> dict[str, float]:
+        """Values of the parameters of the study whose case the scene is: a name may be one of the file's as well."""
+        return dict(self._source.study) if self._source else {}
 
     @property
     def gravity(self) -> tuple[float, float, float]:
