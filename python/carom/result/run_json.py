@@ -43,7 +43,6 @@ ENTRIES: Mapping[str, Mapping[str, tuple[type, ...]]] = {
     "save_problems": {"choice": (str,), "form": (str,)},
 }
 
-
 #: What a part of a run has once it is known.
 PART: Mapping[str, type] = {"file": str, "files": list, "from_step": int, "to_step": int}
 
@@ -106,9 +105,8 @@ def continued(directory: RunDir) -> dict[str, Any]:
 def refuse_lost(directory: RunDir, about: Mapping[str, Any], segments: Segments) -> None:
     """Raise if results are not there that came before others, or before the step at which the run ended."""
     parts, starts = about.get("segments") or [{}], segments.starts
-    ended = (
-        None if directory.is_being_written() else parts[-1].get("to_step")
-    )  # else it may be continued by now
+    # One that is being written may be longer by now.
+    ended = None if directory.is_being_written() else parts[-1].get("to_step")
     lack = segments.lack(ended)
     if lack is None:
         return

@@ -317,12 +317,8 @@ def relaunch(
         restart.end_killed(about["segments"], saved)
         changes.note_changes(directory, about, before, run.model, run.simulation.step)
         about.update(status="running", outcome=None)
-        for of_the_old in (
-            "summary",
-            "finished",
-            "bare_end",
-            "restored",
-        ):  # the last two are of records in memory
+        # The last two are of records that were kept in memory.
+        for of_the_old in ("summary", "finished", "bare_end", "restored"):
             about.pop(of_the_old, None)
         run.about = about
         writer = run.writer(directory, saved.rows if saved else Rows())
