@@ -322,7 +322,7 @@ impl Walls {
         self.courses.iter().map(of).fold(0.0, f64::max)
     }
 
-    /// How far a moving wall may go past a sphere of radius `r` in the step, m; none where it can be beyond by no more than overlaps show.
+    /// How far a moving wall may go past a sphere of radius `r` in the step, m: a fast one is beyond it at the end. None up to half the radius.
     pub(crate) fn swept(&self, point: DVec3, r: f64) -> f64 {
         let way = self.speed_at(point) * self.span.h;
         if way > 0.5 * r {
