@@ -287,7 +287,7 @@ def test_balls_that_left_leave_the_figures_and_the_others_stay(tmp_path: Path) -
     assert result.present[0].all()
     assert np.asarray(result.present[-1]).sum() == 9
     heights = result.plot.chart("heights").data
-    assert heights["median height of the centre (mm)"] == pytest.approx(0.0, abs=1e-6)
+    assert heights["median height (mm)"] == pytest.approx(0.0, abs=1e-6)
     speeds = result.plot.chart("velocities").data
     assert speeds["least v_y (m/s)"][-1] == np.asarray(result.velocity)[-1, 1:, 1].min() > 0
     one = result.plot.chart("velocities", bodies=["b0"]).data["b0 v_y (m/s)"]

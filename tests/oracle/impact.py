@@ -269,7 +269,7 @@ def solve_island(island: Island, impact_problem: ProblemSolver = impact_problem)
             result.problems.append(record)
         elif law == "poisson":
             impulses = _poisson(island, impact_problem, tolerance, result)
-        elif law in SPRINGS and (len(island.elements) > 1 or bool(island.layout.joint_radius.size)):
+        elif law in SPRINGS and (len(island.elements) > 1 or _couples(island)):
             impulses = _binary(island, impact_problem, tolerance, result)
         elif law in ("sequence", "sequence-paper", *SPRINGS):
             impulses = _sequence(island, impact_problem, tolerance, result)
@@ -311,6 +311,11 @@ def _poisson(island: Island, impact_problem: ProblemSolver, tolerance: F64, resu
         impulses = impulses + added
         result.problems.append(record)
     return impulses
+
+
+def _couples(island: Island) -> bool:
+    """Whether a normal impulse at its only contact changes a slip that friction acts on."""
+    return bool(island.layout.joint_radius.size) and island.elements[0].slides
 
 
 def _binary(island: Island, impact_problem: ProblemSolver, tolerance: F64, result: IslandResult) -> F64:
