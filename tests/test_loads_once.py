@@ -174,3 +174,23 @@ def test_a_ball_stays_in_a_turning_drum() -> None:
     print(f"moved by {moved} m")
     assert moved[0] < 1e-8
     assert moved[1] < moved[0] / 4
+
+
+@pytest.mark.parametrize("law", ["sequence", "one-shot", "poisson", "compliant"])
+def test_a_pair_that_touched_is_in_the_impact_though_positions_have_parted_it(law: str) -> None:
+    """A ball falls on one of two that touch on a bed with friction. What corrects the overlap parts the two."""
+    r, away = 0.03, math.radians(288.7)
+    found = carom.Scene()
+    found.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    of_all = {"radius": r, "mass": 0.2, "material": "ball"}
+    found.sphere("one", **of_all, at=(0, 0, r))
+    found.sphere("other", **of_all, at=(2 * r * math.cos(away), 2 * r * math.sin(away), r))
+    found.sphere("falls", **of_all, at=(-0.0229, -0.0061, 0.0884), velocity=(0.76, -0.89, -0.93))
+    found.contact("ball", "ball", friction=0.6, restitution=0.9)
+    found.contact("ball", "bed", friction=0.6, restitution=0.5)
+    by = [
+        carom.simulate(found, method=m, impact=law, step=1e-5, until=0.004).velocity[-1]
+        for m in ("nsga", "moreau")
+    ]
+    assert np.abs(by[1][1]).max() > 0.05
+    assert np.abs(by[0] - by[1]).max() < 1.5e-3

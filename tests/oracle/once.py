@@ -39,12 +39,18 @@ def step(model: Model, state: State, free: FreeMotion) -> tuple[F64, F64, F64]:
     middle = {key: _middle(model, start[key], x_check) for key in loads.multipliers}
     w0 = _jump(model, middle, loads.multipliers)
     displacement = free.d_check + half * w0
+    by_loads = state.x + displacement.reshape(-1, 6)[:, :3]
     x, pressed = _along_normals(model, state.x, displacement, loads, half)
     displacement.reshape(-1, 6)[:, :3] = x - state.x
     closed = [
         pair
         for pair in model.pairs
-        if pair.key in pressed or gap_and_normal(model, pair, x)[0] <= TOUCH * pair.radius
+        if pair.key in pressed
+        or gap_and_normal(model, pair, x)[0] <= TOUCH * pair.radius
+        or (
+            pair.key in loads.multipliers
+            and gap_and_normal(model, pair, by_loads)[0] <= TOUCH * pair.radius
+        )
     ]
     u = free.u_check.copy()
     for group in _islands(closed):

@@ -226,13 +226,14 @@ fn place(model: &Model, state: &State, scratch: &mut Scratch) {
 /// A contact at the corrected positions, and whether it is in A.
 fn place_contact(model: &Model, walls: &Walls, position: &[DVec3], c: &mut Contact) {
     let p = proximity_at(model, walls, c, position);
-    c.gap = p.gap;
-    c.n1 = p.normal;
-    c.closed = c.nu[0] > 0.0 || p.gap <= model.options.touching_tolerance * c.length;
+    let touching = model.options.touching_tolerance * c.length;
+    c.closed = c.nu[0] > 0.0 || p.gap <= touching;
     if model.options.loads_once() {
-        c.closed |= c.load[0] > 0.0;
+        // Where loads have brought it: what corrects the overlaps of an impact may part two that touched when it began.
+        c.closed |= c.load[0] > 0.0 || (c.resting && c.gap <= touching);
         c.turn_to(p.normal);
     }
+    (c.gap, c.n1) = (p.gap, p.normal);
 }
 
 /// Pairs that positions have brought to touch, and no more: there is nothing to correct, but they are in A. The third ball of a rod is so that two

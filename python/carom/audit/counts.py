@@ -1,7 +1,8 @@
 """What the rows of the steps count and sum up, against the tables and frames that show it.
 
     contacts            not below the rows of /contacts of the frame after one whole step (closed ones may push nothing), and
-                        of nsga all pairs with an impulse or a gap within the touching tolerance, no more and no fewer
+                        of nsga all pairs with an impulse or a gap within the touching tolerance, no more and no fewer,
+                        and with loads solved once (algorithm, section 12) some of those that touched before
     islands, largest_island     the groups that these make        candidates: pairs near after the smooth motion
     impact_problems     not below the number of any problem in /impacts          restitution_scale: the least of theirs
     truncated           not 0 where /impacts has the problem that ends a sequence
@@ -17,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import Array, Bool, connected
-from carom.audit import cohesion, flows, free_turns, rigid
+from carom.audit import closing, cohesion, flows, free_turns, rigid
 from carom.audit.block import Block
 from carom.audit.data import LEVELS, Run
 from carom.audit.near import MARGIN, Near
@@ -137,7 +138,8 @@ def of_frames(block: Block, near: Near, tally: Tally) -> None:
 
 def _closed(block: Block, near: Near, tally: Tally) -> None:
     """Closed contacts, the groups that they make, and the largest of these: pairs with an impulse, or with a gap at the end
-    of the step within the touching tolerance. Gaps at that tolerance to rounding may count or not.
+    of the step within the touching tolerance. Gaps at that tolerance to rounding may count or not, and so may contacts
+    that have come apart since the loads were solved with them.
     """
     run, n = block.run, block.run.bodies
     if run.method != "nsga" or not run.has_contacts:
@@ -152,7 +154,13 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     pushed = (c.k * many + c.a) * many + c.b
     own = (near.k * many + near.a) * many + near.b
     sure = np.union1d(pushed, own[lawful & (near.gap1 <= min(touching) * length - noise)])
-    open_ones = np.setdiff1d(own[lawful & (near.gap1 <= max(touching) * length + noise)], sure)
+    unsure = near.gap1 <= max(touching) * length + noise
+    if run.loads_once:
+        loads = closing.given(block)
+        loads = np.maximum(loads[near.k, near.a], loads[near.k, run.given(near.b)])
+        slow = 0.5 * loads + closing.closing(block, near.k, near.a, near.b, "candidates")
+        unsure |= near.gap0 <= max(touching) * length + noise + run.h * slow
+    open_ones = np.setdiff1d(own[lawful & unsure], sure)
     k = sure // many**2
     least, doubt = (np.bincount(keys // many**2, minlength=block.count) for keys in (sure, open_ones))
     told = run.steps["contacts"][block.s1 - 1].astype(np.int64)

@@ -88,7 +88,7 @@ fn a_piston_lifts_a_heap() {
 #[test]
 fn contacts_overlap_and_pull_no_more_than_is_allowed() {
     // A rattler makes a second island: of several piles some are whole.
-    let (used, slipping) = (11..17)
+    let (used, slipping) = (11..29)
         .map(records_in_cones)
         .fold((0, 0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
     assert!(used > 500 && slipping > 100, "{used} {slipping}");
@@ -125,7 +125,9 @@ fn records_in_cones(seed: u64) -> (u32, u32) {
             let normal = c.impulse.dot(middle);
             let across = c.impulse.reject_from_normalized(middle).length();
             let moved = c.position_impulse;
-            assert!(normal >= 0.0 && moved.dot(middle) >= -1e-5 * moved.length());
+            // What has opened since lost its normal part along a normal that had turned.
+            let turned = if c.gap > 1e-6 * R { 1e-2 } else { 1e-5 };
+            assert!(normal >= 0.0 && moved.dot(middle) >= -turned * moved.length());
             assert!(across <= mu * normal + 1e-14 * normal, "{c:?}");
             used += 1;
             slipping += u32::from(mu > 0.0 && normal > 0.0 && across > 0.999 * mu * normal);
