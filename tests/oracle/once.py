@@ -47,10 +47,7 @@ def step(model: Model, state: State, free: FreeMotion) -> tuple[F64, F64, F64]:
         for pair in model.pairs
         if pair.key in pressed
         or gap_and_normal(model, pair, x)[0] <= TOUCH * pair.radius
-        or (
-            pair.key in loads.multipliers
-            and gap_and_normal(model, pair, by_loads)[0] <= TOUCH * pair.radius
-        )
+        or (pair.key in loads.multipliers and gap_and_normal(model, pair, by_loads)[0] <= TOUCH * pair.radius)
     ]
     u = free.u_check.copy()
     for group in _islands(closed):
