@@ -82,12 +82,11 @@ impl Periodic {
     pub fn lengthening(&self, other: &Periodic) -> f64 {
         let repeats = self.length.cmpgt(DVec3::ZERO);
         let ratio = DVec3::select(repeats, other.length * self.inverse, DVec3::ONE);
-        let across = match (self.shear, other.shear) {
-            (Some(from), Some(to)) => {
-                (to.offset - from.offset * ratio[to.flow]) * self.inverse[to.gradient]
-            }
-            _ => 0.0,
-        };
+        let offset = |of: &Periodic| of.shear.map_or(0.0, |shear| shear.offset);
+        // A box that is not sheared yet has no shear.
+        let across = other.shear.or(self.shear).map_or(0.0, |to| {
+            (offset(other) - offset(self) * ratio[to.flow]) * self.inverse[to.gradient]
+        });
         1.0 + (ratio - 1.0).abs().max_element() + across.abs()
     }
 

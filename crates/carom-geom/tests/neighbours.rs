@@ -315,6 +315,35 @@ fn lattice(side: usize) -> Scene {
 }
 
 #[test]
+fn a_box_that_was_not_sheared_brings_balls_together() {
+    let whole = Periodic::new(DVec3::ONE, DVec3::splat(-0.5));
+    let mut scene = Scene {
+        x: vec![DVec3::ZERO, DVec3::new(-0.08, 0.04, 0.0)],
+        radius: vec![0.03; 2],
+        need: vec![1e-4; 2],
+        periodic: whole,
+        ..Scene::default()
+    };
+    let mut list = NeighbourList::new();
+    list.set_periodic(whole);
+    for step in 0..10 {
+        scene.refresh(&mut list);
+        scene.check(&list);
+        assert!(step > 0 || list.pairs().is_empty());
+        let now = whole.sheared(Shear {
+            flow: 0,
+            gradient: 1,
+            offset: 0.2 * f64::from(step + 1),
+        });
+        for x in &mut scene.x {
+            *x = scene.periodic.carried(*x, &now);
+        }
+        scene.periodic = now;
+        list.deform(now);
+    }
+}
+
+#[test]
 fn a_little_strain_keeps_the_list() {
     let mut scene = lattice(6);
     let box_at = |offset: f64| {
