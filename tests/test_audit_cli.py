@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
+from typing import Any
 
 import audit_faults as fault
 import audit_scenes as scenes
@@ -16,6 +18,7 @@ from carom.audit.data import Run
 from carom.audit.formula import law
 from carom.audit.rerun import rerun
 from carom.cli.app import app
+from carom.run.result import UnfinishedRun
 from carom.scene.tables.laws import value_at
 from typer.testing import CliRunner
 
@@ -82,6 +85,51 @@ def test_a_repetition_finds_the_first_bit_that_differs(run: Path, tmp_path: Path
     assert [d.dataset for d in again.differences] == ["frames/velocity"]
     assert again.first is not None
     assert (again.first.frame, again.first.step, again.first.body) == (30, 30, "1")
+
+
+def at_once(_: object) -> bool:
+    raise KeyboardInterrupt
+
+
+def step_by_step(scene: carom.Scene, path: Path, options: dict[str, Any]) -> None:
+    sim = carom.Simulation(scene, **options)
+    sim.step(34)
+    sim.result().save(path)
+
+
+def last_frame_lost(file: h5py.File) -> None:
+    file["commit"][-1, 0] -= 1
+
+
+#: How a run may end in its 34th step, which is off the grid of frames.
+ENDS: dict[str, Any] = {
+    "done": lambda scene, path, more: carom.simulate(scene, out=path, **{**more, "until": 0.034}),
+    "stopped": lambda scene, path, more: carom.simulate(
+        scene, out=path, stop=lambda _: True, callback_every=34, **more
+    ),
+    "interrupted": lambda scene, path, more: carom.simulate(
+        scene, out=path, callback=at_once, callback_every=34, **more
+    ),
+    "step by step": step_by_step,
+}
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_run_that_ends_off_the_grid_of_frames_is_repeated_to_its_end(end: str, tmp_path: Path) -> None:
+    """With walls and contacts, which the bare last state has not; a process that was killed leaves no last state."""
+    path = tmp_path / "run"
+    with contextlib.suppress(KeyboardInterrupt):
+        ENDS[end](scenes.pile(), path, {"step": 1e-3, "every": 10, "until": 0.1, "walls": True})
+    (again,) = rerun(path)
+    assert not again.differences
+    if end == "interrupted":
+        killed = fault.planted(path, tmp_path / "killed", last_frame_lost)
+        about = json.loads((killed / "run.json").read_text())
+        (killed / "run.json").write_text(json.dumps({**about, "status": "running", "outcome": None}))
+        with pytest.warns(UnfinishedRun, match="4 frames"):  # of 5
+            carom.load(killed).close()
+        (again,) = rerun(killed)
+        assert not again.differences
 
 
 def test_a_run_that_records_little_is_not_said_to_keep_what_was_not_judged(tmp_path: Path) -> None:

@@ -68,13 +68,10 @@ def show(report: Report, again: Sequence[Rerun]) -> None:
                 f"not judged, {verdict.kind.name} ({unjudged.count}): {unjudged.why}; to judge it: {unjudged.cure}"
             )
     for r in again:
-        of = f"{counted(r.datasets, 'dataset')}, {r.numbers} numbers"
-        if r.first is None:
-            print(f"run again on {counted(r.threads, 'thread')}: every bit is the same ({of})")
-        else:
-            print(
-                f"run again on {counted(r.threads, 'thread')}: {len(r.differences)} of {of} differ; first {r.first}"
-            )
+        found = f"every bit is the same ({counted(r.datasets, 'dataset')}, {r.numbers} numbers)"
+        if r.first is not None:
+            found = f"{len(r.differences)} of {counted(r.datasets, 'dataset')} differ; first {r.first}"
+        print(f"run again on {counted(r.threads, 'thread')}: {found}")
     print(words)
 
 
