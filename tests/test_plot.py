@@ -237,6 +237,17 @@ def test_strips_are_the_statuses_of_the_contacts(result: carom.Result) -> None:
     assert set(data["status"][rest]) == {"stick"}
 
 
+def test_strips_go_to_the_end_of_the_axis_where_a_run_was_cut_short_between_frames() -> None:
+    """A ball that rolls on to the end: the state alone has no contacts, and shows no gap."""
+    sim = carom.Simulation(carom.example("slide_to_roll"), every=50)
+    sim.step(590)
+    whole = carom.simulate(carom.example("slide_to_roll"), every=50, until=0.59)
+    for result, end in ((sim.result(), 0.55), (whole, 0.59)):
+        chart = result.plot.chart("phases")
+        assert chart.figure.axes[0].get_xlim() == pytest.approx((0.0, end))
+        assert chart.data["to (s)"].max() == pytest.approx(end)
+
+
 def test_the_impact_sequence_of_the_break(result: carom.Result) -> None:
     chart = result.plot.chart("impacts")
     data = chart.data

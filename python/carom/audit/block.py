@@ -245,14 +245,9 @@ class Block:
 
     @cached_property
     def kept(self) -> Bool:
-        """(B,) whether the impulses of contacts and joints of the interval are whole: the last frame of a run that did not
-        reach its end is the bare state, and so is one of `Simulation.result` off the grid.
-        """
-        run = self.run
-        if not run.result._has_bare_end:
-            return np.ones(self.count, dtype=bool)
-        every = run.result._segments.attributes["every"]
-        return np.asarray(self.s1 % int(every) == 0)
+        """(B,) whether the impulses of contacts and joints of the interval are whole: of a bare last frame they are not."""
+        result = self.run.result
+        return np.asarray(~(result._has_bare_end & (self.s1 == result.step[-1])))
 
     @cached_property
     def rows(self) -> Rows:

@@ -299,10 +299,11 @@ class RunData(Frames[Column]):
 
     @property
     def _has_bare_end(self) -> bool:
-        """Whether a last frame off the grid is the state alone, without contacts and impulses since the frame before: of a
+        """Whether the last frame is the state alone, without contacts and impulses since the frame before: off the grid, of a
         run that did not reach its end, and of `Simulation.result`.
         """
-        return self.status != "done" or bool(self._about.get("bare_end"))
+        whole = self.status == "done" and not self._about.get("bare_end")
+        return not whole and bool(self.step[-1] % int(self._segments.attributes["every"]))
 
     @property
     def is_being_written(self) -> bool:

@@ -55,7 +55,7 @@ def phases(result: RunData) -> Chart:
     """A strip per pair of bodies: when it sticks, when it slips, when there is a gap (nothing).
 
     The status of a frame stands for the time since the frame before. A contact that closed and opened again between two
-    frames is a tick.
+    frames is a tick. The axis ends at the last frame with contacts: that of a run cut short may be the state alone.
     """
     found, every = strips(result)
     pairs = list(dict.fromkeys(strip.pair for strip in found))
@@ -80,7 +80,7 @@ def phases(result: RunData) -> Chart:
             axes.plot(*np.array(ticks).T, "|", color="black", markersize=7, label=between)
         axes.set_yticks(range(len(pairs)), labels)
         axes.set_ylim(len(pairs) - 0.4, -0.6)
-        axes.set_xlim(time[0], time[-1])
+        axes.set_xlim(time[0], time[-2 if result._has_bare_end else -1])
         axes.grid(axis="y", visible=False)
         axes.set_xlabel("time (s)")
         figure.legend(loc="outside upper left", ncols=3)
