@@ -10,6 +10,7 @@ import carom
 import numpy as np
 import pytest
 from carom.many.compare import default_methods, method_options
+from carom.show.plot.comparison import beside
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -300,6 +301,24 @@ def test_a_ball_that_left_has_no_number_and_others_have_theirs(tmp_path: Path) -
     found.plot().savefig(tmp_path / "velocities.png")
     laws = carom.compare(scene.with_options(until=1.0), laws=("sequence", "poisson"))
     assert "left  " not in str(laws)
+
+
+@pytest.mark.parametrize("velocity", [(0.5, -1.0, 0.0), (0.0, 0.0, 2.0), (0.1, 0.2, 0.3), (0.0, 0.0, 0.0)])
+def test_the_figure_shows_all_components_in_which_bodies_move(velocity: tuple[float, float, float]) -> None:
+    """Of a ball that flies freely its velocity at the start, in whatever direction; of one that rests v_x alone."""
+    pytest.importorskip("matplotlib")
+    scene = carom.Scene(run={"until": 0.01, "step": 1e-3}, gravity=(0, 0, 0))
+    scene.contact("m", "m", friction=0.0, restitution=0.0)
+    scene.sphere("b", radius=0.01, mass=0.1, position=(0, 0, 0), velocity=velocity, material="m")
+    chart = beside(carom.compare(scene, ["nsga", "moreau"]))
+    shown = {f"v_{x}": v for x, v in zip("xyz", velocity, strict=True) if v} or {"v_x": 0.0}
+    assert [axes.get_ylabel() for axes in chart.figure.axes] == [f"${name}$ (m/s)" for name in shown]
+    for axes, v in zip(chart.figure.axes, shown.values(), strict=True):
+        assert [bar.get_height() for bar in axes.patches] == [v, v]
+    expected = {
+        f"{method} {name} (m/s)": [v] for name, v in shown.items() for method in ("nsga", "moreau")
+    }
+    assert {name: list(values) for name, values in chart.data.items()} == {"body": ["b"], **expected}
 
 
 def test_where_all_balls_left_nothing_is_compared() -> None:

@@ -153,6 +153,12 @@ class Comparison:
         """Whether every run reached its end."""
         return all(run.ok for run in self.runs)
 
+    @property
+    def directions(self) -> list[int]:
+        """The axes, 0 to 2, along which some body moves at the end; x where all rest."""
+        last = np.nan_to_num([np.abs(run.states["velocity"][-1]) for run in self]).max(axis=(0, 1))
+        return [k for k in range(3) if last[k] > 1e-9 * last.max()] or [0]
+
     def plot(self) -> Figure:
         """Velocity of each body at the end by each method, and how impulses grow by impact laws, a figure of matplotlib."""
         require_matplotlib()

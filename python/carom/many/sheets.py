@@ -76,9 +76,9 @@ def of_comparison(found: Comparison, untitled: str = "comparison") -> Sheet:
     counts("fallbacks", "fallbacks")
     if found.laws:
         _impulses(rows, runs)
-        moved = np.nan_to_num([np.abs(r.states["velocity"][-1]) for r in runs])
-        axes = np.flatnonzero(np.max(moved, axis=(0, 1)) > 1e-9 * np.max(moved))
-        rows.append([f"velocities at {found.times[-1]:g} s (m/s)"])
+        axes = found.directions
+        along = ", ".join(f"v_{'xyz'[i]}" for i in axes)
+        rows.append([f"velocities at {found.times[-1]:g} s, {along} (m/s)"])
         for k, name in enumerate(found.bodies[:MOST_BODIES]):
             row(f"  {name}", lambda r, k=k: _numbers(r.states["velocity"][-1][k, axes]))  # type: ignore[misc]
     for time in found.times:

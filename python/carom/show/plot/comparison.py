@@ -38,9 +38,10 @@ def beside(found: Comparison) -> Chart:
     grown = [run for run in found if run.impulses]
     lines = -(-len(grown) // BESIDE)
     with styled():
-        figure = Drawing(figsize=(width(), 3.6 + 1.9 * lines), layout="constrained")
-        parts: Any = figure.subfigures(2, 1, height_ratios=[3.6, 1.9 * lines]) if lines else [figure]
-        chart = Chart(figure, _speeds(parts[0], found))
+        heights = [1.9 + 1.7 * len(found.directions), 1.9 * lines]
+        figure = Drawing(figsize=(width(), sum(heights)), layout="constrained")
+        parts: Any = figure.subfigures(2, 1, height_ratios=heights) if lines else [figure]
+        chart = Chart(figure, _velocities(parts[0], found))
         if lines:
             numbers = _impulses(parts[1], found)
             longest = max(map(len, numbers.values()))
@@ -54,22 +55,23 @@ def _label(found: Comparison, name: str) -> str:
     return name.partition("+")[2] if found.laws else name
 
 
-def _speeds(part: Any, found: Comparison) -> dict[str, Array]:
-    """Along the direction in which the bodies move most."""
+def _velocities(part: Any, found: Comparison) -> dict[str, Array]:
+    """A panel for each direction in which bodies move."""
     numbers: dict[str, Array] = {"body": np.array(found.bodies)}
-    last = [run.states["velocity"][-1] for run in found]
-    axis = int(np.nanargmax(np.nansum(np.abs(last), axis=(0, 1))))
     place, wide = np.arange(len(found.bodies)), 0.8 / len(found)
-    axes = part.subplots()
-    axes.set_title(fitted(f"{found.title}: velocities at {found.times[-1]:g} s".lstrip(": ")), loc="left")
-    for i, (run, velocity) in enumerate(zip(found, last, strict=True)):
-        numbers[f"{run.name} v_{'xyz'[axis]} (m/s)"] = velocity[:, axis]
-        at = place - 0.4 + (i + 0.5) * wide
-        label, colour = _label(found, run.name), COLOURS[i % len(COLOURS)]
-        axes.bar(at, velocity[:, axis], wide, color=colour, label=label)
-    axes.set_xticks(place, [named(name, 16) for name in found.bodies])
-    axes.set_ylabel(f"$v_{'xyz'[axis]}$ (m/s)")
-    legend(part, axes, columns=6)
+    panels: list[Axes] = list(part.subplots(len(found.directions), 1, sharex=True, squeeze=False).flat)
+    title = f"{found.title}: velocities at {found.times[-1]:g} s".lstrip(": ")
+    panels[0].set_title(fitted(title), loc="left")
+    for k, axes in zip(found.directions, panels, strict=True):
+        for i, run in enumerate(found):
+            velocity = run.states["velocity"][-1][:, k]
+            numbers[f"{run.name} v_{'xyz'[k]} (m/s)"] = velocity
+            at = place - 0.4 + (i + 0.5) * wide
+            axes.bar(at, velocity, wide, color=COLOURS[i % len(COLOURS)], label=_label(found, run.name))
+        axes.set_xticks(place, [named(name, 16) for name in found.bodies])
+        axes.set_ylabel(f"$v_{'xyz'[k]}$ (m/s)")
+    part.align_ylabels(panels)
+    legend(part, panels[0], columns=6)
     return numbers
 
 
