@@ -315,9 +315,7 @@ def test_the_figure_shows_all_components_in_which_bodies_move(velocity: tuple[fl
     assert [axes.get_ylabel() for axes in chart.figure.axes] == [f"${name}$ (m/s)" for name in shown]
     for axes, v in zip(chart.figure.axes, shown.values(), strict=True):
         assert [bar.get_height() for bar in axes.patches] == [v, v]
-    expected = {
-        f"{method} {name} (m/s)": [v] for name, v in shown.items() for method in ("nsga", "moreau")
-    }
+    expected = {f"{method} {name} (m/s)": [v] for name, v in shown.items() for method in ("nsga", "moreau")}
     assert {name: list(values) for name, values in chart.data.items()} == {"body": ["b"], **expected}
 
 

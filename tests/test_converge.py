@@ -12,7 +12,7 @@ import carom
 import numpy as np
 import pytest
 from carom import Scene
-from carom.many.order import Order, error_of, order_of
+from carom.many.order import clear_order, error_of, order_of
 from carom.many.quantity import Quantity
 from typer.testing import CliRunner
 
@@ -323,19 +323,43 @@ def test_command_prints_a_table_and_draws(scenario: str, tmp_path: Path) -> None
         (tmp_path / "order.svg").unlink(missing_ok=True)  # its numbers alone are left
 
 
-def test_lines_of_order_1_and_2_lie_below_curves_with_an_order() -> None:
-    """They stood below those that are rounding."""
+@pytest.mark.parametrize(
+    ("rows", "starts", "drawn", "told"),
+    [
+        # Of "a" and "c" the errors that show an order, of "b" none: it would stretch the axis over 16 decades.
+        (
+            {"a": [4e-3, 2e-3, 1e-3], "b": [1e-15, 0.0, 7e-20], "c": [4e-9, 1e-9, 1e-13]},
+            [3e-10, 3e-10],
+            [1e-9, 4e-3],
+            [
+                "a: order 1.00 ± 0.00",
+                "b: no order, 3 errors below 1e-12",
+                "c: order 2.00, 1 error below 1e-12",
+            ],
+        ),
+        ({"b": [2e-15, 0.0, 1e-15]}, [], [1e-15, 2e-15], ["b: no order, 3 errors below 1e-12"]),
+    ],
+)
+def test_errors_that_are_rounding_are_counted_and_left_out_of_the_figure(
+    rows: dict[str, list[float]], starts: list[float], drawn: list[float], told: list[str]
+) -> None:
+    """Lines of order 1 and 2 lie below the curves with an order, and their labels apart from each other."""
     from carom.show.plot.convergence import convergence
 
-    rows = {"a": [4e-3, 2e-3, 1e-3], "b": [1e-15, 3e-15, 1e-15]}
-    order = Order(1.0, 0.0, (1.0, 1.0), 1.0)
-    for orders, starts in (({"a": order, "b": None}, [3e-4, 3e-4]), ({"a": None, "b": None}, [])):
-        study = SimpleNamespace(
-            title="t", reference="r", steps=[4e-3, 2e-3, 1e-3], errors=rows, orders=orders
-        )
-        [axes] = convergence(study).figure.axes
-        dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
-        assert [line.get_ydata()[0] for line in dashed] == pytest.approx(starts)
+    steps = [4e-3, 2e-3, 1e-3]
+    orders = {name: clear_order(steps, row) for name, row in rows.items()}
+    study = SimpleNamespace(title="t", reference="r", steps=steps, errors=rows, orders=orders)
+    chart = convergence(study)
+    [axes], [legend] = chart.figure.axes, chart.figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == told
+    dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
+    assert [line.get_ydata()[0] for line in dashed] == pytest.approx(starts)
+    points = np.concatenate([line.get_ydata() for line in axes.lines if line.get_marker() != "None"])
+    assert [points.min(), points.max()] == drawn
+    assert [chart.data[f"error of {name} (1)"].tolist() for name in rows] == list(rows.values())
+    chart.figure.draw_without_rendering()
+    labels = [text.get_window_extent() for text in axes.texts]
+    assert not labels or labels[1].y0 >= labels[0].y1
 
 
 def test_command_refuses_what_it_cannot_do(scenario: str) -> None:

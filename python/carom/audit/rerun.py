@@ -163,8 +163,8 @@ def _first(original: Result, again: Result, table: str, name: str) -> Difference
         at = 0 if differing else int(np.flatnonzero(_bits(a) != _bits(b))[0])
         row = start + at // max(1, a[0].size)
         return _difference(original, table, name, row, at % max(1, a[0].size), a[row - start], b[row - start])
-    unended = table == "frames" and original.status == "running"  # a process that was killed leaves no last frame
-    if len(was) != len(became) and not unended:
+    killed = table == "frames" and original.status == "running"  # by then there is no last frame
+    if len(was) != len(became) and not killed:
         return Difference(f"{table}/{name}", rows, -1, -1, "", f"{len(was)} rows", f"{len(became)} rows")
     return None
 

@@ -299,8 +299,8 @@ class RunData(Frames[Column]):
 
     @property
     def _has_bare_end(self) -> bool:
-        """Whether the last frame is the state alone, without contacts and impulses since the frame before: off the grid, of a
-        run that did not reach its end, and of `Simulation.result`.
+        """Whether the last frame is the state alone, without contacts and impulses since the frame before: off the grid, of
+        a run that did not reach its end, and of `Simulation.result`.
         """
         whole = self.status == "done" and not self._about.get("bare_end")
         return not whole and bool(self.step[-1] % int(self._segments.attributes["every"]))
