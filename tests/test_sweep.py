@@ -328,6 +328,13 @@ class TestInThisProcess:
         with pytest.raises(CaromError, match="no column 'velocity'"):
             found.to_csv(columns=["velocity"])
 
+    def test_counts_and_seeds_are_whole_numbers_in_csv(self, files: Path) -> None:
+        """Of a case that was refused there is no count."""
+        scanned = {"v": {"seeds": 2}, "mu": [0.1, -1.0]}
+        found = carom.sweep(carom.Study.of(files / "slide.toml", scanned), files / "out", workers=0)
+        table = found.to_csv(columns=["case", "mu", "v", "steps", "halvings"]).read_text().splitlines()
+        assert table[1:] == ["0,0.1,1,20,0", "1,0.1,2,20,0", "2,-1.0,1,nan,nan", "3,-1.0,2,nan,nan"]
+
     def test_the_folder_of_a_study_is_not_called_a_run_that_is_not_there(self, files: Path) -> None:
         carom.sweep(carom.Study.of(files / "slide.toml", {"v": [1.0]}), files / "out", workers=0)
         with pytest.raises(

@@ -25,10 +25,8 @@ if TYPE_CHECKING:
     from carom.run.watch import Watch
     from carom.scene.scene import Scene
 
-MONITORS = (
-    *("steps", "unconverged", "fallbacks", "halvings", "substeps", "missed_impacts"),
-    *("truncated_sequences", "penetration_max", "penetration_max_relative", "travel_max"),
-)
+COUNTS = ("steps", "unconverged", "fallbacks", "halvings", "substeps", "missed_impacts", "truncated_sequences")
+MONITORS = (*COUNTS, "penetration_max", "penetration_max_relative", "travel_max")
 """What is kept of the core's totals, beside its energies (J) `energy_initial`, `energy_final`, `energy_max_rise`."""
 
 TABLES = ("impacts", "transitions", "events")

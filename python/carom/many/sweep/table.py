@@ -15,6 +15,7 @@ from carom.errors import CaromError, counted, did_you_mean, extra
 from carom.files import Anchored, csv_bytes, inside, write_whole
 from carom.many.sweep.origin import COLUMNS, Origin, tally
 from carom.many.sweep.plot import histograms, moved, places, responses
+from carom.many.threads import COUNTS
 from carom.show.plot import require_matplotlib
 from carom.show.plot.style import save
 
@@ -135,17 +136,23 @@ class Sweep:
     def to_csv(self, path: str | Path | None = None, columns: Sequence[str] = ()) -> Path:
         """The table as CSV, one line per case, to `path` (by default `sweep.csv` in the folder); returns the path.
 
-        Units stand in the headings, numbers are the shortest text that reads back as the same bits. `columns` are
-        those wanted, in this order; by default all. Raises `CaromError` for a column that is not there, and
-        of a study without a case.
+        Units stand in the headings. Counts and seeds are whole numbers, others the shortest text that reads back as the
+        same bits. `columns` are those wanted, in this order; by default all. Raises `CaromError` for a column that is
+        not there, and of a study without a case.
         """
         if self.table is None:
             raise CaromError(f"{self.path}: no case is there yet, so there is no table to write")
         chosen = list(columns) or self.columns
-        rows = zip(*(self[name].tolist() for name in chosen), strict=True)
+        rows = zip(*map(self._cells, chosen), strict=True)
         file = Path(path) if path is not None else self.path / "sweep.csv"
         write_whole(file, csv_bytes([map(self.label, chosen), *rows]), durable=False, parents=True)
         return file
+
+    def _cells(self, column: str) -> list[Any]:
+        """A column for CSV. All numbers of a table are floats: of counts a case that failed has none."""
+        cells: list[Any] = self[column].tolist()
+        seeds = [axis.name for axis in self.study.axes if axis.crossed]
+        return [int(x) if x == x else x for x in cells] if column in (*COUNTS, *seeds) else cells
 
     def plot(
         self,
