@@ -401,6 +401,20 @@ def test_resume_extends_and_says_so(runs: Path) -> None:
     assert json.loads(cli("resume", "ext", "--json", cwd=runs).stdout)["steps"] == document["steps"]
 
 
+def test_info_names_the_shapes_of_walls_that_are_no_planes_without_end(tmp_path: Path) -> None:
+    scene = carom.Scene("t", run={"until": 1e-3, "step": 1e-3})
+    scene.plane("bed", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    scene.plane("disc", material="m", point=(0, 0, 0), normal=(0, 0, 1), radius=0.1)
+    scene.box("box", material="m", low=(-1, -1, -1), high=(1, 1, 1), finite=True)
+    scene.sphere("a", radius=0.01, mass=1.0, at=(0, 0, 0.1), material="m")
+    scene.contact("m", "m", friction=0.0, restitution=0.0)
+    carom.simulate(scene, out=tmp_path / "run")
+    text = cli("info", "run", cwd=tmp_path).stdout
+    assert re.search(r"^planes +1\nother walls +7 \(disc 1, rectangle 6\)$", text, re.M)
+    facts_ = json.loads(cli("info", "run", "--json", cwd=tmp_path).stdout)
+    assert (facts_["planes"], facts_["other_walls"]) == (1, 7)
+
+
 def test_info(runs: Path) -> None:
     text = cli("info", "runs/three_balls-1", cwd=runs).stdout
     assert re.search(r"^status +done$", text, re.M)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
+from typing import Any
 
 import carom
 import numpy as np
@@ -131,6 +132,23 @@ def test_heights_show_no_rounding_and_name_what_they_are_of() -> None:
     free = carom.Scene("t", gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
     free.sphere("a", radius=0.01, mass=1.0, at=(0, 0, 0), material="m")
     assert list(carom.simulate(free).plot.chart("heights").data)[1] == "a height of the centre (mm)"
+
+
+@pytest.mark.parametrize(
+    "piece", [{}, {"radius": 0.1}, {"size": (0.2, 0.2)}], ids=["plane", "disc", "rectangle"]
+)
+def test_heights_above_a_piece_of_a_plane_are_those_above_the_plane(piece: dict[str, Any]) -> None:
+    """And not above a lid, whose normal points down, or above a tube that stands upright."""
+    scene = carom.Scene("t", gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    scene.contact("m", "m", friction=0.0, restitution=0.5)
+    scene.plane("lid", material="m", point=(0, 0, 1), normal=(0, 0, -1), radius=0.3)
+    scene.cylinder("tube", material="m", point=(0, 0, 0), axis=(0, 0, 1), radius=0.3)
+    scene.plane("floor", material="m", point=(0, 0, 0.25), normal=(0, 0, 1), **piece)
+    scene.sphere("a", radius=0.01, mass=1.0, at=(0, 0, 0.27), material="m")
+    chart = carom.simulate(scene, every=10).plot.chart("heights")
+    fallen = 10.0 - 4900.0 * chart.data["time (s)"][:5] ** 2  # mm
+    assert chart.figure.axes[0].get_ylabel() == "height above floor (mm)"
+    assert chart.data["a height (mm)"][:5] == pytest.approx(fallen, abs=1e-9)
 
 
 def test_a_step_is_drawn_from_its_start_to_its_end() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,9 @@ def info(run: Run, as_json: Json = False) -> None:
             "running" if facts["being_written"] else "did not finish; `carom resume` continues it"
         )
         del facts["outcome"]  # there is none yet
+    if "other_walls" in facts:
+        shapes = Counter(wall.shape for wall in result.walls.values() if wall.shape != "plane")
+        facts["other_walls"] = f"{facts['other_walls']} ({', '.join(f'{k} {n}' for k, n in shapes.items())})"
     facts["bytes"] = f"{facts['bytes'] / 1e6:.2f} MB"
     if result.parameters:
         facts["parameters"] = ", ".join(f"{name} = {x:.10g}" for name, x in result.parameters.items())

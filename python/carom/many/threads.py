@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from carom.run.watch import Watch
     from carom.scene.scene import Scene
 
-COUNTS = ("steps", "unconverged", "fallbacks", "halvings", "substeps", "missed_impacts", "truncated_sequences")
+COUNTS = (
+    *("steps", "unconverged", "fallbacks", "halvings", "substeps"),
+    *("missed_impacts", "truncated_sequences"),
+)
 MONITORS = (*COUNTS, "penetration_max", "penetration_max_relative", "travel_max")
 """What is kept of the core's totals, beside its energies (J) `energy_initial`, `energy_final`, `energy_max_rise`."""
 

@@ -176,9 +176,9 @@ def level_axes(up: F64) -> tuple[int, int]:
 
 
 def _floor(result: RunData, up: F64) -> str | None:
-    """Name of the first plane that faces upwards."""
-    planes = result.planes
-    for name, normal in zip(planes["name"], planes["normal"], strict=True):
-        if normal @ up > 1 - 1e-9:
-            return str(name)
+    """Name of the first flat wall that faces upwards: planes without end come first, then rectangles and discs."""
+    for name, wall in result.walls.items():
+        normal = wall.facts.get("axis" if wall.shape in ("rectangle", "disc") else "normal")
+        if normal is not None and normal @ up > 1 - 1e-9:
+            return name
     return None
