@@ -233,3 +233,46 @@ def test_messages_name_what_was_called(given: dict[str, float], told: str) -> No
         carom.Simulation(scene, **given)  # type: ignore[arg-type]
     with pytest.warns(carom.CaromWarning, match=r"^carom\.Simulation: step: a step of 0\.001 s moves"):
         carom.Simulation(scene, step=1e-3)
+
+
+def test_what_a_controller_gives_is_taken_as_numbers_and_the_rest_refused_by_name() -> None:
+    """Single precision, whole numbers and lists have the bits of the same numbers in float64."""
+    sim = resting()
+    state = sim.state()
+    rows = len(state["velocity"])
+    struck = np.zeros((rows, 3))
+    struck[0] = (0.5, -2.0, 0.25)
+    for at in (7, 7.0, [7], np.int64(7), np.array(7)):
+        sim.restore(state | {"step": at})
+        assert sim.steps == 7
+    ends = []
+    whole = (struck * 4).astype(int)
+    sim.restore(state | {"velocity": whole})
+    np.testing.assert_array_equal(sim.velocity[0], (2.0, -8.0, 1.0))
+    for given in (struck, struck.astype(np.float32), struck.tolist()):
+        sim.restore(state | {"velocity": given})
+        sim.step(3)
+        ends.append(sim.position.tobytes())
+    assert len(set(ends)) == 1
+    for given, found in (
+        (struck[0], r"float64 \(3,\)"),
+        (struck.astype(complex), rf"complex128 \({rows}, 3\)"),
+        (struck > 0, rf"bool \({rows}, 3\)"),
+        ([[1.0, 2.0], [3.0]], "rows of unlike lengths"),
+        (None, "NoneType"),
+    ):
+        told = rf"^restore: velocity must be an array of float64 \(n, 3\), found {found}$"
+        with pytest.raises(carom.CaromError, match=told):
+            sim.restore(state | {"velocity": given})
+
+
+@pytest.mark.parametrize(("key", "unit"), [("velocity", "m/s"), ("angular_velocity", "rad/s")])
+def test_a_strike_beyond_any_run_is_refused_where_it_is_given(key: str, unit: str) -> None:
+    """Up to there it is taken: the bound is that of the core, which would call it the work of a load."""
+    sim = resting()
+    state = sim.state()
+    state[key][0, 1] = 1e200
+    with pytest.raises(carom.CaromError, match=rf"^restore: row 0 of {key} has 1e\+200 {unit}, more than"):
+        sim.restore(state)
+    state[key][0, 1] = 1e12
+    sim.restore(state)

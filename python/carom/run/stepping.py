@@ -26,6 +26,7 @@ from carom.run.sinks import Interrupt, Recorder
 from carom.run.watch import State
 from carom.scene.assembly.arrays import identify
 from carom.scene.checks.areas import first_area_to_go
+from carom.scene.checks.moving_walls import FASTEST
 from carom.scene.plan import MOST_STEPS
 
 if TYPE_CHECKING:
@@ -56,6 +57,45 @@ def _origin(model: Mapping[str, Any]) -> dict[str, Array]:
     step = np.array([model["options"]["step"]])
     step.flags.writeable = False  # all states of a simulation share it
     return {"step_size": step, "bodies": np.frombuffer(digest, np.uint8)}
+
+
+def _whole(step: object) -> Array:
+    """The number of steps that a state has made."""
+    made = np.ravel(np.asarray(step))
+    if len(made) == 1 and made.dtype.kind in "iuf" and 0 <= made[0] <= MOST_STEPS and made[0] == int(made[0]):
+        return made.astype(np.uint64)
+    raise CaromError(f"restore: step must be one whole number from 0 to 10^12, found {step!r}")
+
+
+#: Kinds of numbers that are what an array of a kind holds.
+_TAKEN = {"f": "fiu", "u": "iu", "i": "iu"}
+
+
+def _rows(key: str, value: object, like: Array) -> Array:
+    """An array of a state, in the type that the core takes; refused by name where that is another meaning or shape."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        found = "rows of unlike lengths"
+    else:
+        kind, shape = array.dtype.kind, array.shape
+        if (
+            kind in _TAKEN.get(like.dtype.kind, like.dtype.kind)
+            and array.ndim
+            and shape[1:] == like.shape[1:]
+        ):
+            return array.astype(like.dtype, copy=False)
+        found = f"{array.dtype} {shape}" if shape else type(value).__name__
+    wanted = ", ".join(["n", *map(str, like.shape[1:])])
+    raise CaromError(f"restore: {key} must be an array of {like.dtype} ({wanted}), found {found}")
+
+
+def _refuse_too_fast(key: str, motion: Array, unit: str) -> None:
+    """Raise for what the next step would take for a motion that has left the numbers."""
+    if FASTEST < (fast := float(np.abs(motion).max(initial=0.0))) < np.inf:
+        row = int(np.abs(motion).max(axis=1).argmax())
+        cause = f"row {row} of {key} has {fast:g} {unit}, more than the {FASTEST:g} {unit} of any run"
+        raise CaromError(f"restore: {cause}; strike with less")
 
 
 class Simulation(State):
@@ -95,7 +135,11 @@ class Simulation(State):
         self._core = self._run.simulation
         self._origin = _origin(self._run.model)
         start = self._core.state()
-        self._known = [*start, *self._origin]
+        # Of each array of a state its type and the shape of a row.
+        self._known = {
+            key: np.empty((0, *np.shape(array)[1:]), array.dtype)
+            for key, array in (start | self._origin).items()
+        }
         # The sums since the last frame, as they are where a record begins.
         self._sums = {key: start[key] for key in start if key.startswith("open_")}
         self._placement: Placement | None = None  # made when a state is restored, if ever
@@ -183,14 +227,11 @@ class Simulation(State):
             given = "nothing" if state is None else type(state).__name__
             raise CaromError(f"restore: a state is needed, found {given}; give what state() returned")
         if unknown := [str(name) for name in state if name not in self._known]:
-            cure = did_you_mean(unknown[0], self._known)
+            cure = did_you_mean(unknown[0], list(self._known))
             raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
         kept = dict(state)
-        made = np.ravel(kept.get("step", 0))
-        if len(made) != 1 or made.dtype.kind not in "iu" or not 0 <= made[0] <= MOST_STEPS:
-            raise CaromError(
-                f"restore: step must be one whole number from 0 to 10^12, found {kept['step']!r}"
-            )
+        if "step" in kept:
+            kept["step"] = _whole(kept["step"])
         # A state of version 0.2.0 does not say where it is from.
         differs = {key for key, here in self._origin.items() if not np.array_equal(kept.pop(key, here), here)}
         if "bodies" in differs:
@@ -199,6 +240,10 @@ class Simulation(State):
         if differs:
             cause = f"the state was made with another step than {self._run.plan.step:g} s"
             raise CaromError(f"restore: {cause}; give both simulations the same step")
+        kept = {key: _rows(key, value, self._known[key]) for key, value in kept.items()}
+        for key, unit in (("velocity", "m/s"), ("angular_velocity", "rad/s")):
+            if key in kept:
+                _refuse_too_fast(key, kept[key], unit)
         # The record begins anew: what was summed since a frame of the old one is not in the first frame of the new one, nor
         # are totals of the old one in the summary.
         for totals in ("monitor_int", "monitor_float"):

@@ -21,7 +21,7 @@ Inertia = Annotated[float, Quantity("moment of inertia", POSITIVE)]
 FARTHEST = 1e30
 Position = Annotated[Vec3, Vector("length", most=FARTHEST)]
 Velocity = Annotated[Vec3, Vector("speed", most=1e9)]
-AngularVelocity = Annotated[Vec3, Vector("angular speed", most=1e15)]
+AngularVelocity = Annotated[Vec3, Vector("angular speed", most=1e9)]
 Seed = Annotated[int, Integer(Bounds(ge=0))]
 
 ZEROS: Vec3 = (0.0, 0.0, 0.0)
