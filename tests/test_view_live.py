@@ -46,6 +46,25 @@ def test_without_viser_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, 
         Live(tmp_path)
 
 
+def test_ctrl_c_is_how_serving_ends(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With 0, as `carom play` does: see the exit codes of docs/reference/cli.md."""
+    pytest.importorskip("viser", reason="needs viser (extra live)")
+    from carom.cli import main
+    from carom.show.viewer.live import Live
+
+    def pressed(_: Live) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Live, "wait", pressed)
+    carom.simulate(carom.example("three_balls"), until=1e-2, out=tmp_path / "run")
+    with pytest.raises(SystemExit) as left:
+        main(["view", str(tmp_path / "run"), "--live", "--port", "8097"])
+    assert left.value.code == 0
+    assert "Ctrl-C ends it" in capsys.readouterr().out
+
+
 @pytest.mark.long
 def test_a_run_is_followed_while_it_is_computed(tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="needs viser (extra live)")
