@@ -97,7 +97,23 @@ MISTAKES = {
         "step = 1e-3",
         "gravity = [0, 0, 0]",
         "run.gravity",
-        "gravity belongs in [world]",
+        "gravity belongs in [world]; [run] has until, step, ",
+    ),
+    "key of another table, which may not be meant": (
+        "[world]",
+        '[[joint]]\nkind = "rod"\nbetween = ["cue", "ground"]\ntype = "fix"\n[world]',
+        "kind: unknown key",
+        "kind belongs in [[lattice]]; [[joint]] has name, type, ",
+    ),
+    "key of many tables": (
+        "[world]",
+        '[[outlet]]\nname = "drain"\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n[world]',
+        "name: unknown key; known: low, high, inside",
+    ),
+    "key of a table in the table": (
+        "[world]",
+        '[[plane]]\nname = "p"\nmaterial = "ball"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\nvelocity = [1, 0, 0]\n[world]',
+        'plane "p" velocity: unknown key; did you mean motion.surface_velocity or free.velocity? (known: name, ',
     ),
     "title below a table": ("step = 1e-3", 'title = "x"', "run.title", "top of the file"),
     "wrong unit": (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any, get_args
@@ -218,14 +218,30 @@ def _example(owner: type[BaseModel], key: str) -> str:
     return literal(field.examples[0]) if field.examples else "..."
 
 
+FEW = 3
+"""Tables that have a key, up to which a message names them."""
+
+
 def _unknown(key: str, owner: type[BaseModel], tables: Mapping[str, type[BaseModel]]) -> str:
-    known = list(owner.model_fields)
-    homes = [_header(name) for name, table in tables.items() if key in table.model_fields]
-    if homes:
-        return f"{key} belongs in {' or '.join(homes)}"
-    if key in ("format", "title") and _section(owner):
+    """Where a key belongs: in a table of this one, in a few others; and what this one takes."""
+    known, section = list(owner.model_fields), _section(owner)
+    if key in ("format", "title") and section:
         return f"{key} belongs at the top of the file, before the first section"
-    return did_you_mean(key, known)
+    if section and (inner := [name for name in _inner(owner) if key in name.rpartition(".")[2].split("_")]):
+        return f"did you mean {' or '.join(inner)}? (known: {', '.join(known)})"
+    homes = [_header(name) for name, table in tables.items() if key in table.model_fields]
+    if not 0 < len(homes) <= FEW:
+        return did_you_mean(key, known)
+    there = f"{key} belongs in {' or '.join(homes)}"
+    return f"{there}; {_header(section)} has {', '.join(known)}" if section else there
+
+
+def _inner(owner: type[BaseModel]) -> Iterator[str]:
+    """The keys of tables in a table, as `motion.rotation.axis`."""
+    for name in owner.model_fields:
+        if (table := nested(owner, name)) is not None:
+            for key in (*table.model_fields, *_inner(table)):
+                yield f"{name}.{key}"
 
 
 def _header(name: str) -> str:
