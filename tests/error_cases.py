@@ -206,7 +206,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "rupture_distance is given without cohesion": [
         ("contact", "restitution = 0.5 -> restitution = 0.5\nrupture_distance = 1e-4")
     ],
-    "cohesion is given without rupture_distance": [
+    "cohesion needs a rupture_distance above 0": [
         ("contact", "restitution = 0.5 -> restitution = 0.5\ncohesion = 0.1")
     ],
     "expected a formula, found ...": [("load", force("{ expression = 3 }"))],

@@ -147,8 +147,8 @@ class Contact(Table):
     @model_validator(mode="after")
     def _cohesion_has_a_reach(self) -> Self:
         if self.cohesion and not self.rupture_distance:
-            cure = "add the gap at which it is gone, in m; one that is small beside the balls makes a pull-off force"
-            raise refuse("cohesion is given without rupture_distance", cure)
+            cure = "give the gap at which it is gone, in m; one that is small beside the balls makes a pull-off force"
+            raise refuse("cohesion needs a rupture_distance above 0", cure)
         if self.rupture_distance and "cohesion" not in self.model_fields_set:
             cure = "add the pull-off force, in N (0 for none), or leave rupture_distance out"
             raise refuse("rupture_distance is given without cohesion", cure)
