@@ -183,7 +183,7 @@ def test_wrong_strikes_are_told() -> None:
     ):
         with pytest.raises(CaromError, match=said):
             strike(cue, **keys)  # type: ignore[arg-type]
-    with pytest.warns(carom.CaromWarning, match="miscue"):
+    with pytest.warns(carom.CaromWarning, match=r"^strike: .* \(a miscue\)"):
         strike(cue, speed=1.0, height=0.6)
     with pytest.raises(CaromError, match="moves already"):
         strike(cue, speed=1.0)
@@ -208,9 +208,13 @@ def test_the_impulse_without_a_scene_takes_and_refuses_what_a_strike_does() -> N
         *(({name: math.inf}, f"{name} must be a finite number") for name in ("speed", "cue_mass", "end_mass")),
         ({"side": True}, "side must be a finite number of radii of the ball, found True"),
         ({"mass": "2 m"}, "mass: expected a mass"),
+        ({"direction": (0, 0)}, r"direction must be a finite number in SI units, or a text with its unit, found \(0, 0\)$"),
     ):  # fmt: skip
-        with pytest.raises(CaromError, match=f"strike: {said}"):
+        with pytest.raises(CaromError, match=f"^cue_impulse: {said}"):
             cue_impulse(**{"direction": 0.0, "speed": 1.0, **BALL, **keys})  # type: ignore[arg-type]
+    with pytest.warns(carom.CaromWarning, match="^cue_impulse: the tip is 0.6 radii off") as told:
+        cue_impulse(direction=0.0, speed=1.0, side=0.6, **BALL)
+    assert told[0].filename == __file__
 
 
 # --- what balls do ---------------------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ def number(
         except UnitError as error:
             raise CaromError(f"{call}: {name}: {error}") from None
     if not is_finite(value):
+        unit += ", or a text with its unit" if dimension is not None else ""
         cure = "; give a number, not a text" if isinstance(value, str) else ""
         raise CaromError(f"{call}: {name} must be a finite number {unit}, found {value!r}{cure}")
     return float(value)

@@ -35,6 +35,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -92,30 +93,87 @@ def cue_impulse(
     textbook's, which loses no energy. With `end_mass`, the mass of the shaft's front end (kg), the ball squirts: it starts
     off the line of the cue, away from the side on which it is struck, also upwards if struck low; without it, along the cue.
     """
+    tip: tuple[Any, ...] = (speed, ball_speed, side, height, elevation, cue_mass, restitution, end_mass)
+    return _struck("cue_impulse", radius, mass, inertia, direction, *tip)
+
+
+def strike(
+    ball: Sphere,
+    *,
+    direction: float | str | Sequence[float] = 0.0,
+    speed: float | str | None = None,
+    ball_speed: float | str | None = None,
+    side: float = 0.0,
+    height: float = 0.0,
+    elevation: float | str = 0.0,
+    cue_mass: float | str = CUE_MASS,
+    restitution: float | str = "leather",
+    end_mass: float | str | None = None,
+) -> Strike:
+    """Strike a ball of a scene that lies still: sets its velocity and angular velocity, and returns what it set.
+
+    `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table.
+    The other arguments are those of `cue_impulse`: `speed="20 mph"`.
+    """
+    ball = sphere("strike", "ball", ball)
+    if any(ball.velocity) or any(ball.angular_velocity):
+        raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
+    if not isinstance(direction, str | Real):
+        x, y, z = [*vector("strike", "direction", direction), 0.0][:3]
+        if z or not math.hypot(x, y) > 0:
+            raise CaromError(
+                "strike: direction must be an angle or a vector (x, y) within the table that is not zero,"
+                f" found {direction!r}; a cue that points down has an elevation"
+            )
+        direction = math.atan2(y, x)
+    of_ball = ball.radius, ball.mass_kg(), ball.inertia_kg_m2()
+    tip: tuple[Any, ...] = (speed, ball_speed, side, height, elevation, cue_mass, restitution, end_mass)
+    found = _struck("strike", *of_ball, direction, *tip)
+    ball.velocity = tuple(found.velocity.tolist())
+    ball.angular_velocity = tuple(found.angular_velocity.tolist())
+    return found
+
+
+def _struck(
+    call: str,
+    radius: float | str,
+    mass: float | str,
+    inertia: float | str,
+    direction: float | str,
+    speed: float | str | None,
+    ball_speed: float | str | None,
+    side: float,
+    height: float,
+    elevation: float | str,
+    cue_mass: float | str,
+    restitution: float | str,
+    end_mass: float | str | None,
+) -> Strike:
+    """`cue_impulse`, with what messages name: the function that was called."""
     if (speed is None) == (ball_speed is None):
-        raise CaromError("strike: give speed (of the cue) or ball_speed, one of them, in m/s")
-    restitution = _tip(restitution)
-    direction = angle("strike", "direction", direction)
+        raise CaromError(f"{call}: give speed (of the cue) or ball_speed, one of them, in m/s")
+    restitution = _tip(call, restitution)
+    direction = angle(call, "direction", direction)
     elevation = angle(
-        "strike", "elevation", elevation, lambda a: 0 <= a < math.pi / 2, "must be from 0 to below 90 deg"
+        call, "elevation", elevation, lambda a: 0 <= a < math.pi / 2, "must be from 0 to below 90 deg"
     )
-    radius, mass = _above_0("radius", radius, "length"), _above_0("mass", mass, "mass")
+    radius, mass = _above_0(call, "radius", radius, "length"), _above_0(call, "mass", mass, "mass")
     inertia, cue_mass = (
-        _above_0("inertia", inertia, "moment of inertia"),
-        _above_0("cue_mass", cue_mass, "mass"),
+        _above_0(call, "inertia", inertia, "moment of inertia"),
+        _above_0(call, "cue_mass", cue_mass, "mass"),
     )
-    speed = None if speed is None else _above_0("speed", speed, "speed")
-    ball_speed = None if ball_speed is None else _above_0("ball_speed", ball_speed, "speed")
-    end_mass = None if end_mass is None else _above_0("end_mass", end_mass, "mass")
-    side = number("strike", "side", side, unit="of radii of the ball")
-    height = number("strike", "height", height, unit="of radii of the ball")
+    speed = None if speed is None else _above_0(call, "speed", speed, "speed")
+    ball_speed = None if ball_speed is None else _above_0(call, "ball_speed", ball_speed, "speed")
+    end_mass = None if end_mass is None else _above_0(call, "end_mass", end_mass, "mass")
+    side = number(call, "side", side, unit="of radii of the ball")
+    height = number(call, "height", height, unit="of radii of the ball")
     offset = math.hypot(side, height)
     if not offset < 1:
         raise CaromError(
-            f"strike: the tip misses the ball: side and height are {offset:.3g} radii off its centre"
+            f"{call}: the tip misses the ball: side and height are {offset:.3g} radii off its centre"
         )
     if offset > MISCUE:
-        told = f"strike: the tip is {offset:.2g} radii off the centre; beyond {MISCUE:g} real tips slip (a miscue)"
+        told = f"{call}: the tip is {offset:.2g} radii off the centre; beyond {MISCUE:g} real tips slip (a miscue)"
         warnings.warn(told, CaromWarning, stacklevel=3)
     flat = np.array([math.cos(direction), math.sin(direction), 0.0])
     along = np.array([*(math.cos(elevation) * flat[:2]), -math.sin(elevation)])
@@ -148,69 +206,21 @@ def cue_impulse(
     )
 
 
-def strike(
-    ball: Sphere,
-    *,
-    direction: float | str | Sequence[float] = 0.0,
-    speed: float | str | None = None,
-    ball_speed: float | str | None = None,
-    side: float = 0.0,
-    height: float = 0.0,
-    elevation: float | str = 0.0,
-    cue_mass: float | str = CUE_MASS,
-    restitution: float | str = "leather",
-    end_mass: float | str | None = None,
-) -> Strike:
-    """Strike a ball of a scene that lies still: sets its velocity and angular velocity, and returns what it set.
-
-    `direction` is an angle from x towards y, in rad or with its unit ("30 deg"), or a vector in the plane of the table.
-    The other arguments are those of `cue_impulse`: `speed="20 mph"`.
-    """
-    ball = sphere("strike", "ball", ball)
-    if any(ball.velocity) or any(ball.angular_velocity):
-        raise CaromError(f"strike: {ball.name!r} moves already; strike a ball that lies still")
-    if not isinstance(direction, str | Real):
-        x, y, z = [*vector("strike", "direction", direction), 0.0][:3]
-        if z or not math.hypot(x, y) > 0:
-            raise CaromError(
-                "strike: direction must be an angle or a vector (x, y) within the table that is not zero,"
-                f" found {direction!r}; a cue that points down has an elevation"
-            )
-        direction = math.atan2(y, x)
-    found = cue_impulse(
-        radius=ball.radius,
-        mass=ball.mass_kg(),
-        inertia=ball.inertia_kg_m2(),
-        direction=direction,
-        speed=speed,
-        ball_speed=ball_speed,
-        side=side,
-        height=height,
-        elevation=elevation,
-        cue_mass=cue_mass,
-        restitution=restitution,
-        end_mass=end_mass,
-    )
-    ball.velocity = tuple(found.velocity.tolist())
-    ball.angular_velocity = tuple(found.angular_velocity.tolist())
-    return found
-
-
-def _above_0(name: str, given: float | str, dimension: str) -> float:
-    value = number("strike", name, given, dimension)
+def _above_0(call: str, name: str, given: float | str, dimension: str) -> float:
+    value = number(call, name, given, dimension)
     if not value > 0:
-        raise CaromError(f"strike: {name} must be above 0, found {given!r}")
+        raise CaromError(f"{call}: {name} must be above 0, found {given!r}")
     return value
 
 
-def _tip(given: float | str) -> float:
+def _tip(call: str, given: float | str) -> float:
     """A restitution, or that of a tip by its name."""
     if not isinstance(given, str):
-        if not 0 <= number("strike", "restitution", given, unit="without a unit") <= 1:
-            raise CaromError(f"strike: restitution must be from 0 to 1, found {given!r}")
+        if not 0 <= number(call, "restitution", given, unit="without a unit") <= 1:
+            raise CaromError(f"{call}: restitution must be from 0 to 1, found {given!r}")
         return float(given)
     if given not in TIPS:
         raise CaromError(
-            f"strike: restitution: no tip is called {given!r}; {did_you_mean(given, list(TIPS))}"
+            f"{call}: restitution: no tip is called {given!r}; {did_you_mean(given, list(TIPS))}"
         )
     return float(TIPS[given])
