@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import carom
 import numpy as np
 import pytest
@@ -66,6 +68,26 @@ def test_piles_may_start_with_what_a_step_may_leave(body: str) -> None:
         else:
             with pytest.raises(carom.ScenarioError, match=r"overlap at the start|behind plane|into plane"):
                 scene.validate()
+
+
+@pytest.mark.parametrize("projected", [False, True])
+def test_a_packing_of_moreau_goes_on_where_its_positions_were_projected(projected: bool) -> None:
+    """Without it a ball that fell into the floor stays there: no scene begins so, and it is said where balls are taken."""
+    first = tray(method="moreau", position_projection=projected, until=0.1)
+    first.sphere("a", radius=0.005, density=2500, at=(0.015, 0.015, 0.0151), material="grain")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run = carom.simulate(first)
+    scene = tray(until=0.005)
+    if projected:
+        scene.spheres_from(run)
+        scene.validate()
+        return
+    told = r"^spheres_from: .* overlapped by up to 0\.0\d+ radii.* position_projection = true"
+    with pytest.warns(carom.CaromWarning, match=told):
+        scene.spheres_from(run)
+    with pytest.raises(carom.ScenarioError, match="reaches"):
+        scene.validate()
 
 
 def test_many_balls_want_the_tolerance_of_piles() -> None:

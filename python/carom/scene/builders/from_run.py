@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.errors import CaromError
+from carom.errors import CaromError, CaromWarning
 from carom.scene.builders.balls import Builder
+from carom.scene.checks.walls import touching
 from carom.scene.tables.balls import Sphere
 from carom.scene.tables.clumps import Clump
 
@@ -31,7 +33,7 @@ class Taker(Builder):
         `result.box(frame).tilt` is 0.
 
         Balls of a settled pile overlap by up to about the `pile_tolerance` of its run. Give this scene the same one, and
-        they count as touching.
+        they count as touching. Method `moreau` does so with `position_projection = true` alone.
         """
         times = np.asarray(result.time)
         if time is not None and len(times):
@@ -43,6 +45,7 @@ class Taker(Builder):
                 else "wait until the run has some"
             )
             raise CaromError(f"there is no frame {frame}; {cure}")
+        _warn_of_overlaps(result)
         materials = [material.name for material in result.scene.materials]
         state = {
             name: np.asarray(getattr(result, name)[frame]).tolist()
@@ -86,3 +89,12 @@ class Taker(Builder):
             self._tree.clump.append(placed)
             taken.append(placed)
         return tuple(taken)
+
+
+def _warn_of_overlaps(result: RunData) -> None:
+    """Balls that no scene begins with, even with the options of their run."""
+    deepest = result.summary.get("penetration_max_relative") or 0.0
+    if deepest > (most := touching(result.scene.run.options())):
+        told = f"balls of this run overlapped by up to {deepest:.2g} radii, and scenes begin with {most:.2g} at most"
+        cure = 'compute it with position_projection = true (method moreau), or with method = "nsga"'
+        warnings.warn(f"spheres_from: {told}; {cure}", CaromWarning, stacklevel=3)
