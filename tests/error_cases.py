@@ -384,7 +384,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("run.method", f"step = 1e-3\n\n[world]\n{SHEARED}".replace("-> ", f"-> {IN_RUN.format(method)}"))
         for method in ("penalty", "events")
     ],
-    "friction at a wall, which does not go along with a periodic box that deforms": [
+    "friction at ..., which does not go along with a periodic box that deforms": [
         ("friction", SHEARED),
     ],
     "[[...]] does not go with a periodic box that deforms": [

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from carom.errors import quoted
 from carom.scene.messages import Finding
 from carom.scene.tables.deformation import AXES, Deformation
 from carom.scene.tables.laws import fault_at, value_at
@@ -54,13 +55,14 @@ def check_deformation(parts: Parts) -> Iterator[Finding]:
 
 def _rough_walls(parts: Parts) -> Iterator[Finding]:
     """Walls stand, and do not flow: with friction they would tell the images of a ball apart."""
-    walls = {wall.material for wall in parts.walls()}
+    walls = {wall.material: wall.name for wall in parts.walls()}
     for i, table in parts.tables(Contact):
         rough = any((table.friction, table.rolling_radius, table.spinning_radius))
-        if rough and walls & set(table.between):
-            cause = "friction at a wall, which does not go along with a periodic box that deforms"
+        if rough and (of := sorted(walls.keys() & set(table.between))):
+            wall = f"wall {quoted(walls[of[0]])}, of material {quoted(of[0])}"
+            cause = f"friction at {wall}, which does not go along with a periodic box that deforms"
             cure = (
-                "write friction = 0.0 here, with a material of its own for the walls; or remove deformation"
+                "write friction = 0.0 here; where balls have this material too, give walls one of their own"
             )
             yield Finding(("contact", i, "friction"), cause, cure)
 
