@@ -126,7 +126,8 @@ class Contact(Table):
         examples=[0.9],
     )
     tangential_restitution: Annotated[float, Quantity("number", Bounds(gt=-1, le=1))] = key(
-        "tangential restitution e_T, above -1 (slip stays) to 1 (slip turns round); law poisson has its own",
+        "tangential restitution e_T, above -1 (slip stays) to 1 (slip turns round); "
+        "law poisson has its own, compliant and binary have none",
         default=0.0,
         examples=[0.0],
     )
