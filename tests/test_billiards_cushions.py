@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -80,6 +81,23 @@ def test_without_friction_the_bed_gives_back_what_the_nose_presses_down() -> Non
     alone, _ = han_2005(velocity, spin, **given)
     cosine = 1 - (NOSE / R - 1) ** 2
     assert alone[:, 0] == pytest.approx((1 - (1 + E) * cosine) * velocity[:, 0], rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.6 * R, 1.27 * R, 1.6 * R])
+def test_han_2005_tells_of_balls_that_go_on_into_the_cushion(height: float) -> None:
+    """Without friction 1 - (1 + e) cos^2 theta of v_x is left: it turns round from e = tan^2 theta on."""
+    sine = height / R - 1
+    border = sine**2 / (1 - sine**2)
+    given = {"radius": R, "nose_height": height, "friction": 0.0}
+    for e in (0.0, 0.9 * border):
+        with pytest.warns(
+            carom.CaromWarning, match=rf"^han_2005: 1 of 2 balls .* = {border:.3g} \(here {e:g}\)"
+        ):
+            v, _ = han_2005([[2.0, 0.5, 0.0], [-2.0, 0.5, 0.0]], np.zeros(3), **given, restitution=e)
+        assert v[0, 0] == pytest.approx(2.0 * (1 - (1 + e) * (1 - sine**2)), rel=1e-12)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert han_2005((2.0, 0.5, 0.0), np.zeros(3), **given, restitution=1.1 * border)[0][0] < 0
 
 
 def test_a_ball_that_leaves_is_left_alone() -> None:

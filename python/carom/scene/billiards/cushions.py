@@ -16,11 +16,13 @@ and with the resistance of the bed to rolling.
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from carom.arrays import F64
-from carom.errors import CaromError
+from carom.errors import CaromError, CaromWarning
 from carom.numeric import is_whole
 from carom.scene.billiards.arguments import number
 
@@ -44,7 +46,12 @@ def han_2005(
     restitution: float,
     friction: float,
 ) -> tuple[F64, F64]:
-    """Velocities and angular velocities (..., 3) after the cushion, of those before; SI."""
+    """Velocities and angular velocities (..., 3) after the cushion, of those before; SI.
+
+    What the nose gives upwards or downwards is dropped, so that without friction `1 - (1 + e) cos^2 theta` of v_x is left.
+    With a `restitution` e below `tan^2 theta`, or a spin that drives it on, a ball goes on into the cushion, v_x > 0: that
+    is beyond the model, and warned of.
+    """
     _check("han_2005", radius, nose_height, restitution, friction=friction)
     v, w = _moving("han_2005", velocity, spin)
     arm = radius * _towards(radius, nose_height)
@@ -54,7 +61,9 @@ def han_2005(
     speed = np.linalg.norm(slip, axis=-1, keepdims=True)
     # Stopping the slip takes 2/7 of it; friction gives no more than mu times the normal impulse.
     impulse = -normal * n - np.minimum(2 / 7 * speed, friction * normal) * _unit(slip)
-    return (v + impulse) * (1 - UP), w + 2.5 / radius**2 * np.cross(arm, impulse)
+    after = (v + impulse) * (1 - UP)
+    _warn_of_ways_in(v, after, n, restitution)
+    return after, w + 2.5 / radius**2 * np.cross(arm, impulse)
 
 
 def mathavan_2010(
@@ -68,7 +77,10 @@ def mathavan_2010(
     bed_friction: float,
     steps: int = STEPS,
 ) -> tuple[F64, F64]:
-    """Velocities and angular velocities (..., 3) after the cushion, of those before; SI."""
+    """Velocities and angular velocities (..., 3) after the cushion, of those before; SI.
+
+    A nose below the centre throws the ball up. With little restitution it then goes on over the cushion, v_x > 0.
+    """
     _check("mathavan_2010", radius, nose_height, restitution, friction=friction, bed_friction=bed_friction)
     if not is_whole(steps) or steps < FEWEST:
         raise CaromError(f"mathavan_2010: steps must be a whole number from {FEWEST} on, found {steps!r}")
@@ -95,6 +107,19 @@ def mathavan_2010(
         f"mathavan_2010: with friction {friction:g} and bed_friction {bed_friction:g} nose and bed wedge the ball;"
         " give less of them"
     )
+
+
+def _warn_of_ways_in(v: F64, after: F64, n: F64, restitution: float) -> None:
+    """Han's bed holds balls down and turns none of them back."""
+    if count := int(
+        np.count_nonzero((v[..., 0] > 0) & (after[..., 0] > ON_BED * np.linalg.norm(v, axis=-1)))
+    ):
+        least = (n[2] / n[0]) ** 2
+        told = f"{count} of {v[..., 0].size} balls go on into the cushion, which is beyond the model"
+        cure = (
+            f"it needs a restitution above tan^2 theta = {least:.3g} (here {restitution:g}), and little spin"
+        )
+        warnings.warn(f"han_2005: {told}; {cure}", CaromWarning, stacklevel=3)
 
 
 def _check(call: str, radius: float, nose_height: float, restitution: float, **friction: float) -> None:
