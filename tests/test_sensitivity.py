@@ -76,6 +76,34 @@ def test_a_cut_depends_on_the_aim_as_its_geometry_says() -> None:
     np.testing.assert_allclose(found.of("object", "velocity")[0], exact, rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.parametrize("after", [1e-3, 1e-7, 1e-9, -1e-8])
+@pytest.mark.parametrize("bounce", [1, 2, 3])
+def test_the_error_is_told_where_rounding_limits_it(after: float, bounce: int) -> None:
+    """A ball dropped by z is at `u s - g s^2/2` after its k-th hit, `s = t - c sqrt(z)`, `u = e^k sqrt(2 g z)`. Just
+    before or after a hit only the smallest steps have the same events.
+    """
+    z, e = 0.5, 0.7
+    hits = [math.sqrt(2.0 / G) * (1.0 + 2.0 * sum(e**i for i in range(1, k))) for k in (bounce, bounce + 1)]
+    last = 0 if after > 0 else 1
+    until = hits[last] * math.sqrt(z) + after
+    scene = carom.Scene("a drop", gravity=(0, 0, -G), run={"method": "events", "until": until, "step": until})
+    scene.contact("ball", "bed", friction=0.2, restitution=e)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.sphere(
+        "ball", radius=0.02, mass=0.1, position=(0, 0, 0.02 + z), velocity=(0.3, 0, 0), material="ball"
+    )
+    found = carom.sensitivity(scene, ["ball.position.z"])
+    u, s, ds = (
+        e**bounce * math.sqrt(2.0 * G * z),
+        until - hits[0] * math.sqrt(z),
+        -0.5 * hits[0] / math.sqrt(z),
+    )
+    speed = 0.5 * u / z - G * ds
+    place = 0.5 * u / z * s + u * ds - G * s * ds
+    off = max(abs(found.velocity[0, 0, 2] / speed - 1.0), abs(found.position[0, 0, 2] / place - 1.0))
+    assert off < 1.2 * found.error[0] < 1e-5
+
+
 def test_a_function_of_a_shot() -> None:
     def draw(height: float) -> carom.Scene:
         scene = shot(0.6, speed=0.0)

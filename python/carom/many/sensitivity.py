@@ -1,7 +1,8 @@
 """`carom.sensitivity`: how the end of a shot depends on what it begins with.
 
 Method `events` computes a motion to rounding, so that central differences of it are exact but for their own step. Two of
-them, with a step and its half, leave an error of fourth order, and tell of it. The step is the one that tells the least.
+them, with a step and its half, leave an error of fourth order. It is below their difference, which also shows what
+rounding does in the runs. The step is the one of the least difference.
 
 A motion depends smoothly on what it begins with only as long as the same events follow one another. They are in the
 table of transitions: a difference whose runs have other events than the shot itself does not count.
@@ -40,6 +41,8 @@ STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 PLACES = (1.0, -1.0, 0.5, -0.5)
 #: Error of a derivative over its size from which no smaller step is tried.
 ENOUGH = 1e-10
+ROUNDING = 2.0 * 3.0 * float(np.finfo(float).eps)
+"""Twice that of the four ends, in the weights of the differences: (4 * 2 + 1)/3. Times of impacts are rounded as well."""
 OTHER = "other events follow: a hit grazes, two happen at one time, or a ball that lies still begins to move"
 OF_A_FUNCTION = "let a function build the scene, and name its argument"
 PRESS, RELEASE, SPIN_ENDS = (Transitions.EVENTS.index(event) for event in ("press", "release", "spin ends"))
@@ -59,8 +62,8 @@ class Sensitivity:
     angular_velocity: F64
     """(P, N, 3), rad/s over the unit of the input."""
     error: F64
-    """(P,) largest difference of two estimates of a derivative, over the largest one of its quantity or, where that is
-    more, over the quantity itself over the input.
+    """(P,) by how much it may be off: the largest difference of the two estimates and what rounding of the final state
+    does to it, over the largest derivative of its quantity or, where that is more, over the quantity over the input.
     """
 
     def of(self, ball: str, quantity: str = "position") -> F64:
@@ -272,7 +275,8 @@ def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict
             whole, half = (x[0] - x[1]) / (at[0] - at[1]), (x[2] - x[3]) / (at[2] - at[3])
             found[quantity] = (4.0 * half - whole) / 3.0
             size = max(_largest(found[quantity]), _largest(x) / (abs(value) or 1.0))
-            off = max(off, _largest(found[quantity] - half) / size if size else 0.0)
+            error = _largest(half - whole) + ROUNDING * _largest(x) / h
+            off = max(off, error / size if size else 0.0)
         if best is None or off < best[1]:
             best = found, off
         if off < ENOUGH:
