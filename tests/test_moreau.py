@@ -315,3 +315,29 @@ def test_a_fast_disc_does_not_go_through_a_ball(method: str, speed: float) -> No
         result = carom.simulate(scene, step=1e-3, until=8e-3, method=method)
         assert result.velocity[-1, 0, 0] == pytest.approx(speed, rel=1e-9)
         assert result.summary["substeps"] > 0
+
+
+@pytest.mark.parametrize("motion", ["surface", "shape"])
+@pytest.mark.parametrize("rides", [True, False])
+def test_a_ball_on_a_turntable_keeps_its_speed(motion: str, rides: bool) -> None:
+    """One rolls: `v' = (2/7) w x v`, a circle of its own. One rides along without rolling. Both keep their speed to h^2."""
+    rate, r = 3.0, 0.02
+    at, v = np.array([0.2, 0, r]), np.array([0, 0.6 if rides else 0.5, 0])
+    slip = v - np.cross([0, 0, rate], [0.2, 0, 0])
+    turning = (0, 0, rate) if rides else (-slip[1] / r, slip[0] / r, 0)
+    of_wall = {
+        "surface": {"surface_rotation": {"axis": [0, 0, 1], "rate": rate}},
+        "shape": {"rotation": {"axis": [0, 0, 1], "angle": {"polynomial": [0, rate]}}},
+    }
+    scene = carom.Scene()
+    scene.plane("table", point=(0, 0, 0), normal=(0, 0, 1), material="a", motion=of_wall[motion])
+    scene.sphere("ball", radius=r, mass=0.1, at=at, velocity=v, angular_velocity=turning, material="a")
+    scene.contact("a", "a", friction=5.0, restitution=0.0)
+    off = []
+    for step in (2e-3, 1e-3):
+        result = carom.simulate(scene, method="moreau", step=step, until=1.0)
+        off.append(np.linalg.norm(result.velocity[-1, 0]) - np.linalg.norm(v))
+        gained = np.diff(result.kinetic_energy[[0, -1], 0])[0] - result.steps["energy_work"].sum()
+        assert abs(gained) < 1e-9
+    assert abs(off[1]) < 1e-6
+    assert 3.0 < off[0] / off[1] < 5.0

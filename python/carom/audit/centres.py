@@ -25,6 +25,16 @@ def at_walls(block: Block, k: I64, a: I64, b: I64, normal: F64, *, start: bool =
     return centre + (float(not start) - passed) * _way(block, k, b)
 
 
+def riding(block: Block, k: I64, a: I64, *, start: bool = False) -> F64 | None:
+    """(K, 3) the same for the material of walls, where it has others: with Moreau-Jean where the ball is then, by its
+    velocity before the step. With those of the middle what rides on a turning wall would spiral outwards.
+    """
+    run = block.run
+    if run.method != "moreau":
+        return None
+    return np.asarray(block.x0[k, a] + (0.0 if start else run.h) * block.v0[k, a])
+
+
 def half_way(block: Block, k: I64, a: I64, b: I64) -> tuple[F64, F64]:
     """(K, 3) centres of balls `a` where loads act, with walls `b` as they are at both ends of the steps, m."""
     passed, way = passed_half_way(block), _way(block, k, b)

@@ -17,7 +17,7 @@ from carom.arrays import F64, I64, Bool
 from carom.audit import carried, flights, forces, groups, loads_once, recorded, works
 from carom.audit.block import Block, once
 from carom.audit.bounds import floor, gain
-from carom.audit.centres import at_walls
+from carom.audit.centres import at_walls, riding
 from carom.audit.data import Run
 from carom.audit.loads import turned_loads
 from carom.audit.rates import Pairs, Rates, compliance, rates
@@ -97,7 +97,8 @@ def _rates(block: Block, normal: F64, lever: F64, *, start: bool = False) -> Rat
     t, motion = block.t0 if start else block.t1, block.motion(c.k, c.a, c.b, start=start)
     centre = block.x0[c.k, c.a] if start else at_walls(block, c.k, c.a, c.b, normal)
     image = block.image(c.k, c.a, c.b, end=not start)
-    return rates(run, Pairs(c.a, c.b, t[c.k], centre, normal, not start, image), motion, normal, lever)
+    pairs = Pairs(c.a, c.b, t[c.k], centre, normal, not start, image, riding(block, c.k, c.a, start=start))
+    return rates(run, pairs, motion, normal, lever)
 
 
 def _cones(block: Block, tally: Tally, mu: F64, impulse: F64, moment: F64) -> None:

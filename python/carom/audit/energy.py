@@ -20,7 +20,7 @@ import numpy as np
 from carom.arrays import F64
 from carom.audit import answers, box_energy, cohesion, flights, groups, reactions, rigid, turning, wrenches
 from carom.audit.block import Block, Rows, once
-from carom.audit.centres import at_walls, half_way
+from carom.audit.centres import at_walls, half_way, riding
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
 from carom.audit.forces import absolute, speeds, together
@@ -322,7 +322,7 @@ def _at_start(run: Run) -> tuple[float, float]:
 
 def _walls(block: Block) -> F64:
     """(K,) twice what works by moving walls may differ by, J: on record they are against the wall at the end of the step,
-    its own is by its mean. Both are where the impulses act, but for Moreau-Jean with another theta than a half.
+    its own is by its mean. Both are where the impulses act.
     """
     run, c = block.run, block.rows
     found = np.zeros(len(c))
@@ -331,16 +331,16 @@ def _walls(block: Block) -> F64:
         if not wall.moves or not mine.size:
             continue
         k, a, b, normal = c.k[mine], c.a[mine], c.b[mine], c.normal[mine]
-        before, after = (at_walls(block, k, a, b, normal, start=start) for start in (True, False))
+        laws = (at_walls(block, k, a, b, normal, start=start) for start in (True, False))
+        ridden = [x for start in (True, False) if (x := riding(block, k, a, start=start)) is not None]
         (first, end), (start, last) = (
             [
                 np.stack(wall.velocity(t[k], centre - run.radius[a][:, None] * normal, end=after))
                 for centre, t, after in zip(centres, (block.t0, block.t1), (False, True), strict=True)
             ]
-            for centres in ((before, after), half_way(block, k, a, b))
+            for centres in (laws, ridden or half_way(block, k, a, b))
         )
-        by_loads = 2.0 * end - start - last if run.method == "moreau" else last - start
-        both = np.maximum(norm(end - first), norm(by_loads))
+        both = np.maximum(norm(end - first), norm(last - start))
         change = both[0] + both[1] + run.radius[a] * both[2]
         found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
     return np.asarray(found + box_energy.unsure(block))

@@ -13,7 +13,7 @@ import numpy as np
 from carom.arrays import F64, I64
 from carom.audit import answers, bounds, carried, flights, forces, groups, hits, loads_once, recorded, replay
 from carom.audit.block import Block
-from carom.audit.centres import at_walls
+from carom.audit.centres import at_walls, riding
 from carom.audit.closing import closing
 from carom.audit.cones import struck
 from carom.audit.hits import Hits
@@ -98,7 +98,8 @@ def _motion(block: Block, r: Hits, *, start: bool = False) -> Rates:
         centre = at_walls(block, r.k, r.a, r.b, normal, start=start)
     motion = block.motion(r.k, r.a, r.b, start=start)
     image = block.image(r.k, r.a, r.b, end=not start)
-    return rates(run, Pairs(r.a, r.b, t[r.k], centre, normal, not start, image), motion, normal, normal)
+    pairs = Pairs(r.a, r.b, t[r.k], centre, normal, not start, image, riding(block, r.k, r.a, start=start))
+    return rates(run, pairs, motion, normal, normal)
 
 
 def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:

@@ -35,12 +35,14 @@ class Pairs(NamedTuple):
     """Whether the times are those of the ends of steps."""
     image: F64 | None
     """(K, 3) which images of B are met (`Run.image`)."""
+    riding: F64 | None = None
+    """Centres of A for the velocities of the wall's material, (K, 3), where they are others."""
 
     def of(self, rows: slice | I64) -> Pairs:
         """Some of them."""
         a, b, time = self.a[rows], self.b[rows], self.time[rows]
-        image = None if self.image is None else self.image[rows]
-        return Pairs(a, b, time, self.centre[rows], self.foot[rows], self.end, image)
+        image, riding = (None if x is None else x[rows] for x in (self.image, self.riding))
+        return Pairs(a, b, time, self.centre[rows], self.foot[rows], self.end, image, riding)
 
 
 def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, lever: F64) -> Rates:
@@ -60,8 +62,10 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
         if not surface.moves:
             continue
         rows = np.flatnonzero(p.b == run.bodies + w)
-        point = p.centre[rows] - r_a[rows, None] * p.foot[rows]
-        shape, material, spin = surface.velocity(p.time[rows], point, end=p.end)
+        foot, time = r_a[rows, None] * p.foot[rows], p.time[rows]
+        shape, material, spin = surface.velocity(time, p.centre[rows] - foot, end=p.end)
+        if p.riding is not None:
+            material = surface.velocity(time, p.riding[rows] - foot, end=p.end)[1]
         through[rows] -= shape
         slipping[rows] -= material
         turning[rows] -= spin

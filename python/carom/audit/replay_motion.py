@@ -12,7 +12,7 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit import answers, bounds, carried, flights, forces, loads_once, turning
 from carom.audit.block import Block
-from carom.audit.centres import at_walls
+from carom.audit.centres import at_walls, riding
 from carom.audit.cohesion import on_bodies
 from carom.audit.hits import Hits, after_cut
 from carom.audit.loads import of_loads
@@ -105,6 +105,7 @@ class Motion:
                 r.normal,
                 end=last,
                 image=images[last],
+                riding=riding(block, r.k, r.a, start=not last),
             )
             for time, last in ((block.t0, False), (block.t1, True))
         )

@@ -15,7 +15,7 @@ import numpy as np
 from carom.arrays import F64, I64
 from carom.audit import answers, carried, flights, forces, groups, loads_once
 from carom.audit.block import Block, Rows
-from carom.audit.centres import at_walls, half_way
+from carom.audit.centres import at_walls, half_way, riding
 from carom.audit.hits import Hits
 from carom.audit.rates import Pairs, Rates, compliance, rates
 from carom.audit.report import Tally
@@ -77,7 +77,7 @@ def judge(block: Block, tally: Tally) -> None:
     normal, moment = c.normal[rows], c.moment[rows]
     centre = at_walls(block, k, a, b, normal)
     image = block.image(k, a, b, end=True)
-    pairs = Pairs(a, b, block.t1[k], centre, normal, end=True, image=image)
+    pairs = Pairs(a, b, block.t1[k], centre, normal, True, image, riding(block, k, a))
 
     def motion(of: F64) -> Motion:
         return of[k, a, :3], of[k, a, 3:], of[k, ball, :3], of[k, ball, 3:]

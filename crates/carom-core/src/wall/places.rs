@@ -264,8 +264,8 @@ impl Walls {
     }
 
     /// The same at t_n and at t_{n+1} as the laws of the contact take them: both at the place of its normal, that of the corrected centre `end` (with
-    /// Moreau-Jean that half-way), which goes along with the wall's point. At the place of the other time a round wall that turns about its own axis
-    /// would move along the normal.
+    /// Moreau-Jean that half-way, but for the material), which goes along with the wall's point. At the place of the other time a round wall that turns
+    /// about its own axis would move along the normal.
     #[inline]
     pub fn twists(
         &self,
@@ -277,21 +277,26 @@ impl Walls {
         if !self.any_moves() {
             return None;
         }
-        let a = c.a as usize;
-        let (centre, passed) = match model.options.method {
-            Method::MoreauJean => {
-                let half = 0.5 * self.span.h;
-                (state.position[a] + half * state.velocity[a], 0.5)
-            }
-            // Once the smooth step may have left the surface: it is the surface that moves.
-            _ if model.options.loads_once() => (end - c.gap * c.n1, 1.0),
-            _ => (end, 1.0),
-        };
         if self.periodic.deforms && !c.meets_wall(model) {
             return Some([self.image_twist(model, c)?; 2]);
         }
-        let point = centre - model.radius[a] * c.n1;
-        Some(self.course(model, c.b)?.passing(point, passed))
+        let (a, course) = (c.a as usize, self.course(model, c.b)?);
+        let point = |centre: DVec3| centre - model.radius[a] * c.n1;
+        if model.options.method == Method::MoreauJean {
+            let (from, way) = (state.position[a], self.span.h * state.velocity[a]);
+            let mut both = course.passing(point(from + 0.5 * way), 0.5);
+            // What a turning wall carries would spiral outwards with the material's velocity half-way.
+            both[0].material = course.start.twist(point(from)).material;
+            both[1].material = course.end.twist(point(from + way)).material;
+            return Some(both);
+        }
+        // Once the smooth step may have left the surface: it is the surface that moves.
+        let left = if model.options.loads_once() {
+            c.gap
+        } else {
+            0.0
+        };
+        Some(course.passing(point(end - left * c.n1), 1.0))
     }
 
     /// What moves body B at t_{n+1} as the works of loads take it that are solved once: where they act, half-way between the centres at both ends of the
@@ -455,7 +460,11 @@ impl Walls {
             on_wall[1] -= on_ball.moment;
             for (lever, [impulse, normal]) in [(at_end, impact), (half_way, then)] {
                 on_wall[1] -= lever.arm.cross(impulse);
-                work += self.mean_twist(model, c, &lever).map_or(0.0, |mean| {
+                let mean = match model.options.method {
+                    Method::MoreauJean => self.mean_of_laws(model, c, state),
+                    _ => self.mean_twist(model, c, &lever),
+                };
+                work += mean.map_or(0.0, |mean| {
                     normal.dot(mean.shape) + (impulse - normal).dot(mean.material)
                 });
             }
@@ -463,6 +472,12 @@ impl Walls {
             work += mean.map_or(0.0, |mean| on_ball.moment.dot(mean.spin));
         }
         work
+    }
+
+    /// The mean of what the laws of Moreau-Jean take of a moving wall: works against it, and that of the wall, are then those of the bodies.
+    fn mean_of_laws(&self, model: &Model, c: &Contact, state: &State) -> Option<WallTwist> {
+        let [start, end] = self.twists(model, c, state, DVec3::ZERO)?;
+        Some(start.mean(&end))
     }
 
     /// The mean of what a moving wall has at both ends of the step, there: what turns at a constant rate does its work by moment and turn.
