@@ -430,7 +430,7 @@ def test_info(runs: Path) -> None:
 def test_missed_impacts_are_told_with_their_steps(tmp_path: Path) -> None:
     """The summary said "20 impacts missed" and the auditor "16 steps"."""
     cli("examples", "copy", "pile", cwd=tmp_path)
-    said = cli("run", "pile.toml", "-o", "pile", "--set", "N=100", "--step", "2e-3", cwd=tmp_path).stdout
+    said = cli("run", "pile.toml", "-o", "pile", "--set", "N=100", "--set", "step=2e-3", cwd=tmp_path).stdout
     missed = np.asarray(carom.load(tmp_path / "pile").steps["missed_impacts"])
     assert missed.max() > 0
     assert f"{missed.sum()} impacts missed in {(missed > 0).sum()} steps" in said
