@@ -254,6 +254,10 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "its period is about ... s, ... steps of ... s": [
         ("spring", '[[spring]]\nbetween = ["cue", "other"]\nstiffness = 1e9\n')
     ],
+    "motion decays in ... s, ... steps of ... s...": [
+        ("drag", '[[drag]]\non = "all"\nrotation = 1e9\n'),
+        ("spring", '[[spring]]\nbetween = ["cue", "other"]\ndamping = 1e9\n'),
+    ],
     "both ends of the spring are at the same point, so that it has no direction": [
         ("spring", SPRING + "rest_length = 0.1\npoints = [[0.25,0,0.028575],[0.25,0,0.028575]]\n")
     ],

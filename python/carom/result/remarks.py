@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.errors import counted, quoted
+from carom.errors import Problem, counted, quoted
 from carom.result.losses import at_joints, on_walls
+from carom.scene.checks.decay import DECAYS, unbalanced
 from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.options import MOST_OVERLAP
 
@@ -75,12 +76,19 @@ def _gained(result: RunData) -> dict[str, Any] | None:
         )
     elif jump := next((p for p in result.scene._advice() if JUMPS in p.cause), None):
         # A wall that jumps shifts balls and does no work on them.
-        # Of a scene from Python `where` names the wall, of a file's it names the file.
-        place = jump.key if jump.source else f"{jump.where} {jump.key}"
-        cure = f": {place}: {jump.cause}; a shorter step does not cure that"
+        cure = f": {_called(jump)}: {jump.cause}; a shorter step does not cure that"
+    elif stiff := next((p for p in result.scene._advice(unbalanced) if DECAYS in p.cause), None):
+        cure = (
+            f", since its sum of what drag takes is too coarse: {_called(stiff)}: {stiff.cause}; {stiff.cure}"
+        )
     else:
         cure = ": shorten step" + (" or lower tolerance" if run.method != "penalty" else "")
     return {"percent": 100 * _rise(result), "cure": cure}
+
+
+def _called(problem: Problem) -> str:
+    """Of a scene from Python `where` names the table, of a file's it names the file."""
+    return problem.key if problem.source else f"{problem.where} {problem.key}"
 
 
 def _unsettled(result: RunData) -> dict[str, Any] | None:

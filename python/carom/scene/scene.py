@@ -316,14 +316,18 @@ class Scene(Waller, Attacher, Taker, Deformer):
         """Check the scene as a whole. Returns warnings with advice; raises `ScenarioError` with all errors at once."""
         return self._judged(check)
 
-    def _advice(self) -> list[Problem]:
-        """The warnings of `validate`, where no errors are looked for.
+    def _advice(self, advice: Callable[[Whole], Iterable[Finding]] = advise) -> list[Problem]:
+        """The warnings of `validate`, or others, where no errors are looked for.
 
         The scene of a finished run had none. Its file lacks the Python functions, which advice does not need.
         """
-        return self._judged(lambda parts: ())
+        return self._judged(lambda parts: (), advice)
 
-    def _judged(self, rules: Callable[[Whole], Iterable[Finding]]) -> list[Problem]:
+    def _judged(
+        self,
+        rules: Callable[[Whole], Iterable[Finding]],
+        advice: Callable[[Whole], Iterable[Finding]] = advise,
+    ) -> list[Problem]:
         wrong, good = faults(self._tree.packing)
         tree = self._tree.model_copy(update={"packing": list(good.values())})
         parts = replace(
@@ -333,8 +337,8 @@ class Scene(Waller, Attacher, Taker, Deformer):
         wrong += place.found(rules(parts))
         if wrong:
             raise ScenarioError(self._problem(f) for f in wrong)
-        advice = place.found(advise(parts))
-        return [self._problem(f) for f in (*advice, *advise_packings(good))]
+        told = place.found(advice(parts))
+        return [self._problem(f) for f in (*told, *advise_packings(good))]
 
     def _problem(self, finding: Finding) -> Problem:
         """A finding with its place: the line of the file, or the call that made the table."""

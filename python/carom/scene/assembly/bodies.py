@@ -77,7 +77,11 @@ class Bodies:
     @property
     def whole_mass(self) -> F64:
         """Mass of the rigid body that each ball is or is a part of, (N,), kg."""
-        found = self.mass.copy()
+        return self.whole(self.mass)
+
+    def whole(self, parts: F64) -> F64:
+        """The sum of `parts`, (N,), over the rigid body that each ball is or is a part of, (N,)."""
+        found = parts.copy()
         for segment in self.segments:
             if segment.each:
                 shares = found[segment.start : segment.stop].reshape(-1, segment.each)

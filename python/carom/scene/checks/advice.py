@@ -15,6 +15,7 @@ from carom.scene.assembly.placing import FLAT, Placed
 from carom.scene.assembly.vectors import dot
 from carom.scene.checks.attachments import advise_loads
 from carom.scene.checks.curved_walls import advise_curved, below
+from carom.scene.checks.decay import advise_decays
 from carom.scene.checks.deformation import advise_deformation
 from carom.scene.checks.energy_gain import advise_gain
 from carom.scene.checks.flow import advise_flow
@@ -68,6 +69,7 @@ def advise(parts: Whole) -> Iterator[Finding]:
     yield from advise_start(parts)
     yield from advise_joint_contacts(parts)
     yield from advise_loads(parts)
+    yield from advise_decays(parts)
     yield from advise_walls(parts)
     yield from advise_joint_laws(parts)
     yield from advise_flow(parts)

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carom.arrays import F64
 from carom.errors import did_you_mean, quoted
-from carom.scene.assembly.mechanics import GROUND_INDEX, MECHANICS, numbers, references, spring_ends
-from carom.scene.checks.carriers import Carrier, Carriers
+from carom.scene.assembly.mechanics import MECHANICS, references
+from carom.scene.checks.carriers import springs
 from carom.scene.messages import Finding
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.joints import Joint, default_name
-from carom.scene.tables.laws import LawValue, fault_at, value_at
-from carom.scene.tables.loads import ALL, GROUND, Drag, Load, LoadFunction, Spring
+from carom.scene.tables.laws import BREAKS, LawValue, fault_at, value_at
+from carom.scene.tables.loads import ALL, GROUND, Drag, Load, LoadFunction
 
 if TYPE_CHECKING:
     from carom.scene.assembly.bodies import Bodies
@@ -148,8 +147,7 @@ def _broken(
     for t in times:
         value = value_at(law, t)
         if not math.isfinite(value):
-            cause = f"has no finite value at t = {t:.4g} s{fault_at(law, t)}"
-            yield Finding(path, cause, "the run would stop there: change the law or until")
+            yield Finding(path, f"has no finite value at t = {t:.4g} s{fault_at(law, t)}", BREAKS)
             return
         if positive and value <= 0:
             cause = f"falls to {value:.4g} m at t = {t:.4g} s"
@@ -158,24 +156,13 @@ def _broken(
 
 
 def _fast_springs(parts: Whole) -> Iterator[Finding]:
-    run, bodies, carriers = parts.run, parts.bodies(), Carriers(parts)
-    number = numbers(bodies)
-    for i, spring in parts.tables(Spring):
-        a, b, *points = spring_ends(spring, bodies, number)
-        span = points[0] - points[1]
-        along = span / (float(np.linalg.norm(span)) or 1.0)
-        ends = zip((a, b), points, strict=True)
-        inverse = sum(_inverse_mass(carriers.of(k), point, along) for k, point in ends if k != GROUND_INDEX)
+    step = parts.run.step
+    for i, spring, inverse in springs(parts):
         period = 2.0 * math.pi / math.sqrt(spring.stiffness * inverse) if spring.stiffness > 0 else math.inf
-        if run.step * FEW_STEPS > period:
-            cause = f"its period is about {period:.3g} s, {period / run.step:.2g} steps of {run.step:g} s"
+        if step * FEW_STEPS > period:
+            cause = f"its period is about {period:.3g} s, {period / step:.2g} steps of {step:g} s"
             cure = f"a step below {period / FEW_STEPS:.1g} s follows it"
             yield Finding(("spring", i, "stiffness"), cause, cure)
-
-
-def _inverse_mass(carrier: Carrier, point: F64, along: F64) -> float:
-    """1/kg of an end of a spring: a clump may be turned far more easily than moved."""
-    return 1.0 / carrier.mass if carrier.axes is None else carrier.inverse_mass(point, along)
 
 
 def _friction(parts: Parts) -> Iterator[Finding]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from carom.arrays import F64
+from carom.scene.assembly.mechanics import GROUND_INDEX, numbers, spring_ends
 from carom.scene.assembly.rotations import product, rotated, rotated_back
 from carom.scene.tables.clumps import Clump
+from carom.scene.tables.loads import Spring
 
 if TYPE_CHECKING:
     from carom.scene.checks.rules import Parts
@@ -40,7 +43,9 @@ class Carrier(NamedTuple):
         return vector if self.axes is None else rotated(self.axes, vector)
 
     def inverse_mass(self, point: F64, along: F64) -> float:
-        """1/kg, of a force at a point (3,) along a unit vector (3,)."""
+        """1/kg, of a force at a point (3,) along a unit vector (3,): a clump may be turned far more easily than moved."""
+        if self.axes is None:
+            return 1.0 / self.mass
         arm = self.turning(np.cross(point - self.centre, along))
         return float(1.0 / self.mass + (arm * arm / self.moments).sum())
 
@@ -87,3 +92,18 @@ class Carriers:
             np.array(clump.velocity),
             np.array(clump.angular_velocity),
         )
+
+
+def springs(parts: Parts) -> Iterator[tuple[int, Spring, float]]:
+    """Each spring with its place, and the inverse mass between its ends along it, 1/kg."""
+    listed = parts.tables(Spring)
+    if not listed:
+        return
+    bodies, carriers = parts.bodies(), Carriers(parts)
+    number = numbers(bodies)
+    for i, spring in listed:
+        a, b, *points = spring_ends(spring, bodies, number)
+        span = points[0] - points[1]
+        along = span / (float(np.linalg.norm(span)) or 1.0)
+        ends = zip((a, b), points, strict=True)
+        yield i, spring, sum(carriers.of(k).inverse_mass(at, along) for k, at in ends if k != GROUND_INDEX)

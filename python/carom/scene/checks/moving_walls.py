@@ -18,7 +18,7 @@ from carom.scene.checks.turning_walls import lever, through
 from carom.scene.checks.walls import called
 from carom.scene.messages import Finding
 from carom.scene.tables.joints import Joint
-from carom.scene.tables.laws import LawValue, fault_at, value_at
+from carom.scene.tables.laws import BREAKS, LawValue, fault_at, value_at
 
 if TYPE_CHECKING:
     from carom.scene.checks.rules import Whole
@@ -107,8 +107,7 @@ def _advise_breaks(parts: Whole, wall: Placed, motion: Motion) -> Iterator[Findi
         for t in parts.times():
             if not math.isfinite(value_at(law, t)):
                 cause = f"{key} has no finite value at t = {t:.4g} s{fault_at(law, t)}"
-                cure = "the run would stop there: change the law or until"
-                yield Finding((wall.section, wall.index, "motion"), cause, cure)
+                yield Finding((wall.section, wall.index, "motion"), cause, BREAKS)
                 break
 
 

@@ -32,6 +32,11 @@ FORMS = ("polynomial", "table", "expression")
 MOST_COEFFICIENTS, MOST_POINTS = 100, 100_000
 FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25)
 """Weights of the first derivative in values at 0, 1, 2, 3 and 4 steps, of fourth order."""
+BREAKS = (
+    "a run that evaluates it there stops, and one whose steps go over it means nothing from there on:"
+    " change the law or until"
+)
+"""What a law of the time without a value does, and the cure."""
 _NUMBER = Quantity()
 _POINT = Vector(size=2)
 
