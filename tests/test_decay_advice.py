@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import carom
@@ -120,3 +121,14 @@ def test_a_law_without_a_value_stops_the_run_or_is_stepped_over(step: float, sto
             carom.simulate(scene)
     else:
         carom.simulate(scene)
+
+
+def test_a_sweep_tells_each_advice_once(tmp_path: Path) -> None:
+    for name in ("pyarrow", "scipy"):
+        pytest.importorskip(name, reason="the extra [cluster] is not installed")
+    text = slowed("drag", 1.0, until=0.01).to_toml().replace("translation = 100.0", 'translation = "= c"')
+    (tmp_path / "scene.toml").write_text(text + "\n[parameters]\nc = 1.0\n")
+    study = carom.Study.of(tmp_path / "scene.toml", {"c": [1.0, 1e4, 1e5]})
+    with pytest.warns(CaromWarning, match="case 2: .*motion decays in 1e-06 s") as told:
+        carom.sweep(study, tmp_path / "out", workers=0)
+    assert len(told) == 1

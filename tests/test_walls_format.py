@@ -554,8 +554,8 @@ class TestFlow:
         scene.load("grain2", force=(0, 0, 1))
         assert '"grain2" enters in the course of the run, and what enters must be free' in wrong(scene)
         scene = self.scene()
-        scene.drag("all", translation=1)
-        scene.drag("grain2", translation=1)
+        scene.drag("all", translation=1e-6)
+        scene.drag("grain2", translation=1e-6)
         assert scene.validate() == [], "drag holds nothing"
 
     def test_a_scene_of_balls_to_come_alone(self) -> None:

@@ -79,6 +79,8 @@ def sweep(
     with folder.driving():
         if told := folder.other_study(study):
             warnings.warn(told, CaromWarning, stacklevel=2)
+        for advice in study.targeting.advice():
+            warnings.warn(advice, CaromWarning, stacklevel=2)
         with Team.of(workers, scheduler) as team:
             return complete(study, folder, team, retry_failed, progress)
 

@@ -131,6 +131,19 @@ class Targets:
         if first is not None:
             raise first
 
+    def advice(self) -> Iterator[str]:
+        """What the first and the last case are warned of before they are computed: each place once."""
+        told = set()
+        for case in dict.fromkeys((0, len(next(iter(self.points.values()))) - 1)):
+            try:
+                found = self.scene(case).validate()
+            except CaromError:
+                continue  # a row of its own
+            for one in found:
+                if (place := (one.where, one.line, one.key)) not in told:
+                    told.add(place)
+                    yield f"case {case}: {one}"
+
     def _check_effects(self, case: int) -> None:
         """Refuse parameters of the file that do nothing, since the study itself sets all that the file uses them for."""
         if not (self.of_arrays or self.of_run or self.run):
