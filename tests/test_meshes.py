@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -308,3 +309,70 @@ class TestRuns:
             part = file["contacts/part"]
             part[...] = (part[:] + 7 * 4) % (7 * 12)
         assert not audit.check(tmp_path / "run").ok
+
+
+class TestPlacesOfFiles:
+    """A scene keeps the points that it has read, and names files as they are found from where it is written."""
+
+    def made(self, folder: Path, z: float = 0.0) -> Path:
+        """A scenario beside the mesh that it names."""
+        folder.mkdir(parents=True, exist_ok=True)
+        points, triangles = floor(2, seed=1)
+        write(folder / "floor.stl", (points + np.array([0, 0, z]), triangles))
+        made = scene(until=0.02)
+        ball(made, (0.5, 0.5, 0.02))
+        text = made.to_toml() + '\n[[mesh]]\nname = "floor"\nmaterial = "steel"\nfile = "floor.stl"\n'
+        (folder / "scene.toml").write_text(text)
+        return folder / "scene.toml"
+
+    def test_a_run_records_the_mesh_that_it_simulated(self, tmp_path: Path) -> None:
+        read = Scene.from_toml(self.made(tmp_path))
+        first = carom.simulate(read)
+        self.made(tmp_path, z=-1.0)  # the file is edited meanwhile
+        result = carom.simulate(read)
+        again = carom.simulate(result.scene)
+        assert np.array_equal(result.position, first.position)
+        assert np.array_equal(result.position, again.position)
+        assert read != Scene.from_toml(tmp_path / "scene.toml")
+
+    def test_the_file_is_not_needed_once_it_is_read(self, tmp_path: Path) -> None:
+        path = self.made(tmp_path)
+        read, there = Scene.from_toml(path), Scene.from_toml(path).resolved()
+        (tmp_path / "floor.stl").unlink()
+        read.validate()
+        assert read.resolved() == there
+        read._tree.mesh[0].point = (0.0, 0.0, -0.5)
+        assert read.to_model()["meshes"][0]["vertices"][:, 2] == pytest.approx(-0.5, abs=1e-15)
+        with pytest.raises(ScenarioError, match="there is no file"):
+            read._tree.mesh[0].file = str(tmp_path / "other.stl")
+
+    def test_a_folder_can_be_moved_with_what_was_written_into_it(self, tmp_path: Path) -> None:
+        read = Scene.from_toml(self.made(tmp_path / "a"))
+        (tmp_path / "a" / "b").mkdir()
+        read.to_toml(tmp_path / "a" / "copy.toml")
+        read.to_toml(tmp_path / "a" / "b" / "copy.toml")
+        (tmp_path / "a").rename(tmp_path / "c")
+        for copy in ("copy.toml", "b/copy.toml"):
+            assert Scene.from_toml(tmp_path / "c" / copy) == read
+        assert 'file = "../floor.stl"' in (tmp_path / "c" / "b" / "copy.toml").read_text()
+
+    def test_without_a_place_of_its_own_a_text_names_files_from_the_root_on(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        self.made(tmp_path / "a")
+        (tmp_path / "b").mkdir()
+        monkeypatch.chdir(tmp_path / "b")
+        made = scene(until=0.02)
+        ball(made, (0.5, 0.5, 0.02))
+        made.mesh("floor", file="../a/floor.stl", material="steel")
+        file = tomllib.loads(made.to_toml())["mesh"][0]["file"]
+        assert file == str((tmp_path / "a" / "floor.stl").resolve())
+        made.to_toml("scene.toml")
+        assert 'file = "../a/floor.stl"' in (tmp_path / "b" / "scene.toml").read_text()
+
+    def test_scenes_of_the_same_content_in_two_folders_are_equal(self, tmp_path: Path) -> None:
+        one, two, other = (
+            Scene.from_toml(self.made(tmp_path / n, z)) for n, z in (("a", 0), ("b", 0), ("c", -1))
+        )
+        assert one == two == one.resolved()
+        assert one != other

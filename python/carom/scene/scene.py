@@ -126,11 +126,15 @@ class Scene(Waller, Attacher, Taker, Deformer):
         functions = [place for place in self._tree.load_function if place.function is not None]
         if functions and not resolved:
             cure = "write laws of the time with scene.load(...), or keep the scene as a Python program"
+        Files of meshes are named as seen from the place of `path`; without it from the root on.
             raise ScenarioError(
                 Problem(place.label(), "", "a file cannot hold a Python function", cure)
                 for place in functions
             )
-        text = to_text(resolved_tree(self._tree) if resolved else self._tree, everything=resolved)
+        folder = None if path is None else Path(path).parent
+        text = to_text(
+            resolved_tree(self._tree) if resolved else self._tree, everything=resolved, folder=folder
+        )
         if path is not None:
             try:
                 Path(path).write_text(text, encoding="utf-8")
@@ -368,12 +372,12 @@ class Scene(Waller, Attacher, Taker, Deformer):
         return arrays
 
     def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, Scene)
-            and self._tree.model_dump() == other._tree.model_dump()
-            and [p.function for p in self._tree.load_function]
-            == [p.function for p in other._tree.load_function]
-        )
+        """Whether both say the same: all values, given or by default, the points of meshes wherever their files lie."""
+        return isinstance(other, Scene) and self._said() == other._said()
+
+    def _said(self) -> tuple[dict[str, Any], list[Any]]:
+        tree = self._tree.model_copy(update={"mesh": [mesh.resolved() for mesh in self._tree.mesh]})
+        return tree.model_dump(), [place.function for place in tree.load_function]
 
     __hash__ = None  # type: ignore[assignment]  # a scene can be changed
 

@@ -337,6 +337,7 @@ class Mesh(Wall):
     )
     motion: Motion | None = _MOTION
 
+    _read: tuple[tuple[str, bool], Triangles] | None = PrivateAttr(None)
     _placed: Triangles | None = PrivateAttr(None)
 
     @model_validator(mode="after")
@@ -347,7 +348,7 @@ class Mesh(Wall):
             raise refuse(f"{given} are given without {missing}", f"add {missing}", (given,))
         at = "file" if self.file is not None else "triangles"
         try:
-            made = self._read()
+            made = self._surface()
             placed = rotated(np.array(self.orientation) / norm(self.orientation), self.scale * made.vertices)
             placed += np.array(self.point)
             self._placed = Triangles(placed, made.corners)
@@ -355,19 +356,23 @@ class Mesh(Wall):
             raise inside(at, error) from None
         return self
 
-    def _read(self) -> Triangles:
-        if self.file is not None:
-            return mesh_files.checked(*mesh_files.read(self.file), clean=self.clean)
-        assert self.vertices is not None
-        assert self.triangles is not None
-        return mesh_files.checked(self.vertices, self.triangles, clean=self.clean)
+    def _surface(self) -> Triangles:
+        """The triangles as they are given. A file is read once, so that a scene stays what it was read as."""
+        if self.file is None:
+            assert self.vertices is not None
+            assert self.triangles is not None
+            return mesh_files.checked(self.vertices, self.triangles, clean=self.clean)
+        if self._read is None or self._read[0] != (self.file, self.clean):
+            made = mesh_files.checked(*mesh_files.read(self.file), clean=self.clean)
+            self._read = ((self.file, self.clean), made)
+        return self._read[1]
 
     def pieces(self) -> list[Piece]:
         return [Piece(self.name, (MESH, self._placed), self.point, self.motion, self.point)]
 
     def resolved(self) -> Mesh:
         """The same with the points and triangles of its file."""
-        made = self._read()
+        made = self._surface()
         given = self.written() | {"vertices": made.vertices, "triangles": made.corners}
         return Mesh(**{name: value for name, value in given.items() if name not in ("file", "clean")})
 
