@@ -651,7 +651,7 @@ CALLED: dict[str, tuple[str, Callable[[], Any]]] = {
         "at",
         lambda: _scene().sphere("b", radius=1, mass=1, at=(3, 0, 0), position=(3, 0, 0), material="m"),
     ),
-    "there is already a sphere or wall ...": (
+    "there is already a sphere, clump or wall ...": (
         "name",
         lambda: _scene().sphere("a", radius=1, mass=1, at=(3, 0, 0), material="m"),
     ),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +122,50 @@ def test_clumps_stand_behind_lattices_and_before_inflows() -> None:
     assert resolved.names == names
     assert len(resolved.clumps) == 1
     assert identify(resolved.to_model()) == identify(scene.to_model())
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("grain", "sphere"),
+        ("grain", "plane"),
+        ("grain", "clump"),
+        ("b3", "lattice"),  # its third ball
+        ("rod2-", "inflow"),  # its second clump
+    ],
+)
+def test_no_ball_wall_or_other_clump_has_the_name_of_a_clump(name: str, other: str) -> None:
+    """What was called by it was the ball; the clump had no part in it."""
+    more = {
+        "sphere": f'[[sphere]]\nname = "{name}"\nradius = 0.01\nmass = 1\nposition = [1, 0, 0]',
+        "plane": f'[[plane]]\nname = "{name}"\npoint = [0, 0, -9]\nnormal = [0, 0, 1]',
+        "clump": f'[[clump]]\nname = "{name}"\nspheres = [[0, 0, 0, 0.01]]\nmass = 1\nposition = [1, 0, 0]',
+        "lattice": '[[lattice]]\nname = "b"\ncounts = [4, 1, 1]\norigin = [1, 0, 0]\nradius = 0.01\nmass = 1',
+        "inflow": '[[inflow]]\nname = "rod"\ncount = 2\nseed = 1\nmass = 1\nspheres = [[0, 0, 0, 0.01]]\n'
+        "region = { low = [2, 2, 2], high = [3, 3, 3] }",
+    }[other]
+    made = Scene.from_toml(f'{with_clump(name=name).to_toml()}\n{more}\nmaterial = "steel"\n')
+    with pytest.raises(ScenarioError) as caught:
+        made.validate()
+    causes = [problem.cause for problem in caught.value.problems]
+    what = "clump" if other == "plane" else "sphere"
+    alike = f'there are two spheres "{name}1"'  # two clumps of a name have balls of a name
+    assert causes == [alike if other in ("clump", "inflow") else f'there is already a {what} "{name}"']
+
+
+def test_calls_refuse_the_name_of_a_clump_at_once() -> None:
+    scene = with_clump()
+    copied = copy.copy(scene)
+    calls: list[Callable[[Scene], Any]] = [
+        lambda s: s.sphere("grain", radius=0.01, mass=1, at=(1, 0, 0), material="steel"),
+        lambda s: s.plane("grain", point=(0, 0, -1), normal=(0, 0, 1), material="steel"),
+        lambda s: s.clump("grain", spheres=TEE, mass=1, at=(1, 0, 0), material="steel"),
+    ]
+    for made in (scene, copied):
+        for call in calls:
+            with pytest.raises(ScenarioError, match='there is already a sphere, clump or wall "grain"'):
+                call(made)
+        assert made == with_clump()
 
 
 def test_a_scene_and_its_file_are_the_same() -> None:

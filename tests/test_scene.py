@@ -199,6 +199,73 @@ def test_options_override_those_of_the_scene() -> None:
         scene.with_options(step=-1)
 
 
+def moved(x: float) -> list[Any]:
+    return [x, {"expression": "0.1*sin(t)"}, 0]
+
+
+COPIES: list[Callable[[Scene], Scene]] = [
+    copy.copy,
+    copy.deepcopy,
+    lambda scene: scene.with_options(),
+    lambda scene: pickle.loads(pickle.dumps(scene)),
+    lambda scene: scene.with_options(until=1).with_options(until=1),
+]
+EDITS: list[Callable[[Scene], Any]] = [
+    lambda scene: setattr(scene, "title", "other"),
+    lambda scene: setattr(scene, "gravity", (0, 0, 0)),
+    lambda scene: setattr(scene.world, "origin", (1, 0, 0)),
+    lambda scene: setattr(scene.run, "step", 1e-5),
+    lambda scene: setattr(scene.record, "every", 1),
+    lambda scene: setattr(scene.spheres[0], "velocity", (5, 0, 0)),
+    lambda scene: setattr(scene.planes[0].motion, "translation", moved(0)),
+    lambda scene: scene.contacts[0].friction.update(expression="v"),
+    lambda scene: scene.material("new"),
+    lambda scene: scene.sphere("z", radius=0.01, mass=1, at=(9, 9, 9), material="ball"),
+    lambda scene: scene.plane("wall", point=(0, 0, -1), normal=(0, 0, 1), material="ball"),
+    lambda scene: scene.load(on="cue", force=(1, 0, 0)),
+]
+
+
+@pytest.mark.parametrize("edit", EDITS)
+@pytest.mark.parametrize("copied", COPIES)
+def test_what_is_done_to_a_copy_does_nothing_to_the_scene_nor_the_other_way(
+    copied: Callable[[Scene], Scene], edit: Callable[[Scene], Any]
+) -> None:
+    def made() -> Scene:
+        scene = example()
+        scene.contact("ball", "ball", friction={"expression": "0.1*exp(-v)"}, restitution=0.9)
+        scene.contacts[0].friction = {"expression": "0.1*exp(-v)"}
+        scene.planes[0].motion = {"translation": [0, 0, {"expression": "0.1*sin(t)"}]}
+        return scene
+
+    scene = made()
+    other = copied(scene)
+    assert other == scene
+    edit(other)
+    assert scene == made() != other
+    edit(scene)
+    assert scene == other  # so the names that the copy took were free here
+    fresh = made()
+    kept = copied(fresh)
+    edit(fresh)
+    assert kept == made()
+
+
+def test_a_name_is_free_once_its_owner_is_called_otherwise() -> None:
+    scene = example()
+    for copied in (scene, copy.copy(scene), scene.with_options(step=1e-4)):
+        copied.spheres[0].name = "white"
+        again = copied.sphere("cue", radius=0.01, mass=1, at=(1, 1, 1), material="ball")
+        assert copied.names == ["white", "cue"]
+        for name in ("white", "cue", "bed"):
+            with pytest.raises(ScenarioError, match="there is already a sphere, clump or wall"):
+                copied.sphere(name, radius=0.01, mass=1, at=(2, 2, 2), material="ball")
+        again.name = "red"
+        copied.planes[0].name = "cue"
+        copied.sphere("bed", radius=0.01, mass=1, at=(3, 3, 3), material="ball")
+        assert copied.names == ["white", "red", "bed"]
+
+
 def test_settings_are_checked_as_they_are_set() -> None:
     scene = example()
     scene.run.step = "2 ms"
@@ -233,7 +300,7 @@ BALL: dict[str, Any] = {"name": "a", "radius": 1, "mass": 1, "position": (0, 0, 
         ({"position": 5}, "position: expected a list of 3 numbers, found 5"),
         ({"at": (0, 0, 0)}, "at: both position and at are given"),
         ({"mass": None}, "neither mass nor density is given"),
-        ({"name": "cue"}, "name: there is already a sphere or wall"),
+        ({"name": "cue"}, "name: there is already a sphere, clump or wall"),
         ({"name": ""}, "name: must be 1 to 200 printable characters"),
     ],
 )

@@ -389,7 +389,7 @@ class TestWhole:
     def test_names_are_unique(self) -> None:
         scene = empty()
         scene.box("box", low=(-1, -1, -1), high=(1, 1, 1), material="steel")
-        with pytest.raises(ScenarioError, match=r'there is already a sphere or wall "box.low_x"'):
+        with pytest.raises(ScenarioError, match=r'there is already a sphere, clump or wall "box.low_x"'):
             scene.cylinder("box.low_x", point=(0, 0, 0), axis=(1, 0, 0), radius=1, material="steel")
         scene._tree.cylinder.append(
             type(everything()._tree.cylinder[0])(

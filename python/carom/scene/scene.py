@@ -8,9 +8,10 @@ mm"`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 from carom.errors import CaromError, Problem, ScenarioError, counted, quoted
 from carom.files import reason
@@ -76,7 +77,7 @@ class Scene(Waller, Attacher, Taker, Deformer):
         )
         self._source: Source | None = None
         self._places: dict[str, str] = {}  # keys of [run] and [record] that were overridden, and by what
-        self._names: set[str] = set()
+        self._names = None
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse what nothing would read. Subclasses may have attributes of their own."""
@@ -108,14 +109,24 @@ class Scene(Waller, Attacher, Taker, Deformer):
     @classmethod
     def _of(cls, tree: Scenario, source: Source | None = None) -> Scene:
         scene = cls.__new__(cls)
-        scene._tree, scene._source, scene._places = tree, source, {}
-        tables = (table for section in WALLS for table in getattr(tree, section))
-        scene._names = {*(s.name for s in tree.sphere), *(n for table in tables for n in table.wall_names())}
+        scene._tree, scene._source, scene._places, scene._names = tree, source, {}, None
+        return scene
+
+    def __copy__(self) -> Self:
+        """A scene of its own: what is done to one does nothing to the other."""
+        scene = self.__class__.__new__(self.__class__)
+        scene.__dict__ |= {
+            **self.__dict__,
+            "_tree": own(self._tree),
+            "_places": {**self._places},
+            "_names": None,
+        }
         return scene
 
     def to_toml(self, path: str | Path | None = None, *, resolved: bool = False) -> str:
         """The scene as TOML text, also written to `path` if given. `Scene.from_toml` of it equals this scene.
 
+        Files of meshes are named as seen from the place of `path`; without it from the root on.
         With `resolved` nothing is left to defaults or to chance: every key has its value and packings, racks and
         lattices are written as the spheres they stand for (unless these are more than 10 000). A run
         directory holds this form.
@@ -126,7 +137,6 @@ class Scene(Waller, Attacher, Taker, Deformer):
         functions = [place for place in self._tree.load_function if place.function is not None]
         if functions and not resolved:
             cure = "write laws of the time with scene.load(...), or keep the scene as a Python program"
-        Files of meshes are named as seen from the place of `path`; without it from the root on.
             raise ScenarioError(
                 Problem(place.label(), "", "a file cannot hold a Python function", cure)
                 for place in functions
@@ -223,14 +233,14 @@ class Scene(Waller, Attacher, Taker, Deformer):
         return self._tree.record
 
     def with_options(self, **options: Unpack[Options]) -> Scene:
-        """This scene with other keys of `[run]` and `[record]`; spheres and everything else are shared with it."""
-        return self.overridden(options, dict.fromkeys(options, "carom.simulate"))
+        """A copy with other keys of `[run]` and `[record]`; nothing that is done to it changes this scene."""
+        return copy(self).overridden(options, dict.fromkeys(options, "carom.simulate"))
 
     def overridden(
         self, options: Mapping[str, Any], places: Mapping[str, str], own: Iterable[str] = ()
     ) -> Scene:
-        """As `with_options`; `places` says what messages call the origin of each key, as `--set step`, and `own` what the
-        caller takes besides.
+        """As `with_options`, but spheres and everything else are shared: of a scene that nobody edits. `places` says what
+        messages call the origin of each key, as `--set step`, and `own` what the caller takes besides.
         """
         options = dict(options)
         tree = self._tree.model_copy()

@@ -179,7 +179,7 @@ class Table:
             f"{prefix}{number}": (x + along, y + left)
             for number, (along, left) in sorted(zip(numbers, places.tolist(), strict=True))
         }
-        trial = copy.deepcopy(scene)  # a rack that does not fit leaves no half of itself
+        trial = copy.copy(scene)  # a rack that does not fit leaves no half of itself
         for name, at in balls_at.items():
             self.ball(trial, name, at)
         return [self.ball(scene, name, at) for name, at in balls_at.items()]

@@ -20,13 +20,15 @@ from carom.scene.tables.clumps import Clump
 from carom.scene.tables.model import Contact, Material, Scenario
 from carom.scene.tables.packing import Packing
 from carom.scene.tables.quantities import ZEROS
+from carom.scene.tables.walls import WALLS
 
 Number = float | str
 """A number in SI or a string with a unit."""
 Vector = Sequence[Number] | F64
 LOOSE = 0.6
 """Fraction of the balls about clumps at most: a little less than that of random packings."""
-_PARTS = (Table, list, tuple, dict)
+_FIXED = frozenset({str, int, float, bool, type(None)})
+"""Types of values that have no parts: most there are."""
 _T = TypeVar("_T", bound=Table)
 _V = TypeVar("_V")
 
@@ -44,8 +46,8 @@ def own(value: _V) -> _V:
     """A copy that shares with `value` what cannot be changed, and functions: tables, lists and laws are new."""
     if isinstance(value, Table):
         value = value.model_copy()
-        value.__dict__ |= {key: own(part) for key, part in value.__dict__.items() if isinstance(part, _PARTS)}
-    elif isinstance(value, list | tuple):
+        value.__dict__ |= {key: own(part) for key, part in value.__dict__.items() if type(part) not in _FIXED}
+    elif isinstance(value, list) or (isinstance(value, tuple) and not _FIXED.issuperset(map(type, value))):
         return type(value)(map(own, value))
     elif isinstance(value, dict):
         return type(value)((key, own(part)) for key, part in value.items())
@@ -56,7 +58,7 @@ class Builder:
     """What a scene is made of; `carom.Scene` adds reading, writing and checking."""
 
     _tree: Scenario
-    _names: set[str]  # of the single spheres and of the walls
+    _names: set[str] | None  # of single spheres, clumps and walls, some renamed since; None: not known
 
     @explained
     def material(self, name: str) -> Material:
@@ -135,7 +137,7 @@ class Builder:
         (or `at`) m; `velocity` m/s; `angular_velocity` rad/s in fixed axes; `orientation` unit quaternion, w
         first.
         """
-        return self._add(Sphere, locals(), lambda sphere: [sphere.name])
+        return self._add(Sphere, locals(), _own_name)
 
     @explained
     def rack(
@@ -218,7 +220,7 @@ class Builder:
         mass in own axes, kg m^2, three moments or Jxx, Jyy, Jzz, Jxy, Jxz, Jyz, and `centre` of mass m: by default those of
         the homogeneous body. `velocity` m/s of the centre of mass; `angular_velocity` rad/s in fixed axes.
         """
-        return self._add(Clump, locals())
+        return self._add(Clump, locals(), _own_name)
 
     @explained
     def packing(
@@ -308,13 +310,15 @@ class Builder:
                 [Problem(label, "fraction" if about else "count", cause, error.cure)]
             ) from None
         turns = random_turns(seed, len(packed.position))
-        self.material(material)
         made = [
             shape.placed(place, turn)
             .called(name, k)
             .model_copy(update={"velocity": tuple(map(float, velocity or ZEROS))})
             for k, (place, turn) in enumerate(zip(packed.position, turns, strict=True), 1)
         ]
+        for clump in made:
+            self._take_name(clump.name, label)
+        self.material(material)
         self._tree.clump += made
         return made
 
@@ -338,10 +342,18 @@ class Builder:
         return made
 
     def _take_name(self, name: str, label: str) -> None:
+        if self._names is None or name in self._names:
+            tables = (table for section in WALLS for table in getattr(self._tree, section))
+            self._names = {name for table in tables for name in table.wall_names()}
+            self._names |= {s.name for s in self._tree.sphere} | {c.name for c in self._tree.clump}
         if name in self._names:
-            cause = f"there is already a sphere or wall {quoted(name)}"
+            cause = f"there is already a sphere, clump or wall {quoted(name)}"
             raise ScenarioError([Problem(label, "name", cause, "give another name")])
         self._names.add(name)
+
+
+def _own_name(table: Sphere | Clump) -> list[str]:
+    return [table.name]
 
 
 def law(value: float | str | Mapping[str, Any]) -> float | Mapping[str, Any]:

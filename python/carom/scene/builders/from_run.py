@@ -80,6 +80,7 @@ class Taker(Builder):
         for clump, table in zip(result.clumps.values(), result.scene.clumps, strict=True):
             if not clump.present[frame]:
                 continue
+            self._take_name(table.name, "Scene.spheres_from")
             self.material(table.material)
             placed = table.placed(clump.position[frame], clump.orientation[frame])
             placed.velocity = clump.velocity[frame]

@@ -202,21 +202,22 @@ def _names(parts: Parts) -> Iterator[Finding]:
             )
         seen.add(table.name)
     bodies = parts.bodies()
-    balls = set(bodies.names)
-    if len(balls) < len(bodies.names):
+    known = dict.fromkeys(bodies.names, "sphere")
+    if len(known) < len(bodies.names):
         for body in islice(_repeated(bodies.names), MOST):
             section, index = bodies.origin(body)
             cause = f"there are two spheres {quoted(bodies.names[body])}"
             yield Finding((section, index, "name"), cause, _rename(section))
-    walls: dict[str, str] = {}
-    for wall in parts.walls():
-        if wall.name in balls or wall.name in walls:
-            what = "sphere" if wall.name in balls else walls[wall.name]
-            cause = f"there is already a {what} {quoted(wall.name)}"
-            yield Finding(
-                (wall.section, wall.index, "name"), cause, f"give the {_words(wall.section)} another name"
-            )
-        walls[wall.name] = _words(wall.section)
+    clumps = [("clump", i, clump.name, "clump") for i, clump in parts.tables(Clump)]
+    clumps += [
+        ("inflow", i, clump.name, "clump") for i, flow in parts.tables(Inflow) for clump in flow.clumps()
+    ]
+    walls = ((wall.section, wall.index, wall.name, _words(wall.section)) for wall in parts.walls())
+    for section, index, name, what in (*clumps, *walls):
+        if name in known and not what == known[name] == "clump":  # their balls are called alike too
+            cause = f"there is already a {known[name]} {quoted(name)}"
+            yield Finding((section, index, "name"), cause, f"give the {_words(section)} another name")
+        known[name] = what
 
 
 def _words(section: str) -> str:

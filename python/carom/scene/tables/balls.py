@@ -76,7 +76,7 @@ class Sphere(Ball):
 
     section: ClassVar[str] = "sphere"
 
-    name: Name = key("name, unique among spheres and walls", examples=["cue"])
+    name: Name = key("name, unique among balls, clumps and walls", examples=["cue"])
     position: Position = key("centre at the start", "m", examples=[[0.0, 0.0, 0.028575]])
     velocity: Velocity = key("velocity at the start", "m/s", default=ZEROS)
     angular_velocity: AngularVelocity = key(

@@ -63,7 +63,10 @@ class Clump(Table):
 
     section: ClassVar[str] = "clump"
 
-    name: Name = key("name; its balls are called by it and their number, from 1", examples=["rod"])
+    name: Name = key(
+        "name, unique among balls, clumps and walls; its balls have it with a number, from 1",
+        examples=["rod"],
+    )
     material: Name = key("name of its material", examples=["steel"])
     spheres: Spheres = key(
         "centres and radii [x, y, z, radius] in own axes; they may overlap",

@@ -93,7 +93,7 @@ _INSIDE: Any = key("true: spheres live inside; false: they live outside", defaul
 class Wall(Table):
     """What all walls have in common."""
 
-    name: Name = key("name, unique among spheres and walls", examples=["bed"])
+    name: Name = key("name, unique among balls, clumps and walls", examples=["bed"])
     material: Name = key("name of its material", examples=["cloth"])
 
     def pieces(self) -> list[Piece]:
