@@ -135,6 +135,31 @@ class TestValues:
             found = Scene.from_toml(text, parameters={"f": value}).parameters["f"]
             assert found == pytest.approx(math.pi / 4, rel=1e-15)
 
+    @pytest.mark.parametrize(
+        ("text", "value", "told"),
+        [
+            ("1 ms", "1 m", "a length; write a number in s, or"),  # it was a step of 1 s
+            ("1 ms", "2 m/s", "a speed; write a number in s, or"),
+            ("8 deg", "0.1 s", "a time; write a number in rad, or"),
+            ("3 kg m^2/s^3", "1 N", "a force; write a number in SI units, or"),
+        ],
+    )
+    def test_other_values_of_a_quantity_have_its_dimension_or_no_unit(
+        self, text: str, value: str, told: str
+    ) -> None:
+        file = (
+            f'format = 1\n[parameters]\nx = "{text}"\n[run]\nstep = "= x"\n[world]\ngravity = [0.0, 0.0, 0.0]'
+        )
+        wanted = f'expected a quantity like "{text}", found "{value}", {told}'
+        [(line, key, message)] = problems(f'{file}\n[[case]]\nname = "a"\nx = "{value}"\n')
+        assert (line, key) == (10, 'case "a" x')
+        assert wanted in message
+        [(line, key, message)] = problems(f"{file}\n", parameters={"x": value})
+        assert (line, key) == (None, "set x")
+        assert wanted in message
+        for other in (text, 0.03, "= 0.01*3"):
+            assert Scene.from_toml(f"{file}\n", parameters={"x": other}).run.step > 0
+
     def test_a_case_overrides_and_what_depends_on_it_follows(self) -> None:
         np.testing.assert_allclose(
             position(Scene.from_toml(CUT, case="f=0.25")), placed(math.asin(0.75)), rtol=0, atol=1e-16

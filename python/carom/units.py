@@ -125,12 +125,17 @@ class UnitError(ValueError):
         return f"{self.cause}; {self.cure}"
 
 
-def parse(text: str, dimension: str | None = None) -> float:
-    """The value of `text` in SI, which must have the dimension named (a key of `DIMENSIONS`), if one is.
+def parse(text: str, dimension: str | None = None, like: str | None = None) -> float:
+    """The value of `text` in SI, which must have the dimension named (a key of `DIMENSIONS`), if one is, or that of the
+    quantity `like`, which was read before.
 
     The factor is a fraction, so the result is the double nearest to the true value: `"28.575 mm"` equals
     `0.028575`.
     """
+    wanted = DIMENSIONS[dimension][0] if dimension else None
+    if like not in (None, text):
+        wanted = _parse_unit((after_the_number(like or "") or "").translate(_ASCII), "")[2]
+        dimension = _called(wanted)
     cure = f"write {expected(dimension)}"
     match = _QUANTITY.fullmatch(text) if len(text) <= 80 else None
     if match is None:
@@ -143,11 +148,11 @@ def parse(text: str, dimension: str | None = None) -> float:
     if not unit:
         # "0.5" in quotes: accepting it would hide the forgotten unit that a string announces
         raise UnitError(f"{quoted(text)} is text without a unit", f"remove the quotes, or {cure}")
-    wanted = DIMENSIONS[dimension][0] if dimension else None
     factor, pi, found = _parse_unit(unit.translate(_ASCII), cure, wanted)
-    if dimension and found != wanted:
-        is_a = next((f", {_article(name)}" for name, row in DIMENSIONS.items() if row[0] == found), "")
-        raise UnitError(f"expected {_article(dimension)}, found {quoted(text)}{is_a}", cure)
+    if wanted and found != wanted:
+        is_a = f", {_article(name)}" if (name := _called(found)) else ""
+        what = f"a quantity like {quoted(like)}" if like else _article(dimension or "")
+        raise UnitError(f"expected {what}, found {quoted(text)}{is_a}", cure)
     if exponent is not None and abs(int(exponent)) > 400:
         return float(digits)  # 0 or infinite (refused by the caller); a fraction of that size would not end
     try:
@@ -189,6 +194,11 @@ def expected(dimension: str | None) -> str:
     known = [*made.split(", "), *(unit for unit, row in UNITS.items() if row[2] == exponents)]
     units = ", ".join(filter(None, known))
     return f'a number in {si}, or "NUMBER UNIT" with a unit of {units}' if si else "a plain number"
+
+
+def _called(dimension: Dimension) -> str | None:
+    """The first name of a dimension."""
+    return next((name for name, row in DIMENSIONS.items() if row[0] == dimension), None)
 
 
 def _article(name: str) -> str:

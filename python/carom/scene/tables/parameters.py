@@ -53,6 +53,8 @@ class Tables:
     """Names of the parameters, as they follow each other."""
     parameters: dict[str, Any] = field(default_factory=dict)
     """Number or expression of each that has one of these."""
+    quantities: dict[str, str] = field(default_factory=dict)
+    """Text of each that is a quantity with a unit: other values of it have its dimension, or no unit."""
     cases: dict[str, tuple[Path, dict[str, Any]]] = field(default_factory=dict)
     """Path and values by the name of the case."""
 
@@ -61,6 +63,16 @@ def names(raw: Mapping[str, Any]) -> tuple[list[str], list[str]]:
     """Names of the parameters and of the cases of a parsed file, as far as they can be read."""
     tables = _read(raw)
     return tables.order, list(tables.cases)
+
+
+def quantities(raw: Mapping[str, Any]) -> dict[str, str]:
+    """Texts of the parameters of a parsed file that are quantities with units."""
+    return _read(raw).quantities
+
+
+def dimension_of(owner: type[BaseModel], key: str) -> str:
+    """The dimension of the numbers of a key."""
+    return getattr(_kind(owner, key), "dimension", "number")
 
 
 def substitute(
@@ -114,6 +126,8 @@ def _read(raw: Mapping[str, Any]) -> Tables:
         value = _fit(tables, ("parameters", name), name, given[name])
         if value is not None:
             tables.parameters[name] = value
+            if isinstance(text := given[name], str) and not is_formula(text):
+                tables.quantities[name] = text
     _read_cases(raw, tables)
     return tables
 
@@ -145,7 +159,7 @@ def _fit(tables: Tables, path: Path, name: str, value: Any, bare: bool = False) 
         return str(value) if known else None
     formula = ', or an expression of the parameters above it: "= 2*pi"'
     try:
-        number = units.parse(value) if isinstance(value, str) else value
+        number = units.parse(value, like=tables.quantities.get(name)) if isinstance(value, str) else value
     except units.UnitError as e:
         tables.formulas.refuse(path, e.cause, e.cure + formula)
         return None
