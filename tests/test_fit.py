@@ -397,7 +397,7 @@ class TestCommand:
             (
                 text.replace("v = { low = 0.5, high = 1.5 }", "v = [0.5, 1.5]"),
                 2,
-                f"{file}: parameters.v: a fit needs",
+                f"{file}:4: parameters.v: a fit needs",
             ),
             (text + "[design]\n", 2, "unknown key design"),
         ):

@@ -58,7 +58,17 @@ class TestDesigns:
             ({"step": [1e-3]}, 'unknown key step; for a place of this name write it in quotes: "a.step"'),
             ({"value": [1.0, 2.0]}, "unknown key value; did you mean values?"),
             ([], "the list of values is empty"),
-            ([1, "2"], "expected numbers in SI units, found '2'"),
+            ([1, None], "expected numbers in SI units, found None"),
+            (
+                [1, "2"],
+                'parameters.a: "2" is text without a unit; remove the quotes, or write a number in SI',
+            ),
+            (
+                ["8 deg", "2 mm"],
+                'expected a quantity like "8 deg", found "2 mm", a length; write a number in rad',
+            ),
+            ({"low": "1 m", "high": "2 s"}, 'expected a quantity like "1 m", found "2 s", a time'),
+            (["= 2*x"], "parameters.a: x has no value"),
             ({"seeds": 0}, "parameters.a.seeds: expected a whole number from 1"),
         ],
     )
@@ -85,7 +95,7 @@ class TestDesigns:
             (Design("sobol", 10**12), {"a": (0.0, 1.0)}, "design.count: expected a whole number from 1 to"),
             (Design("sobol", 10**7), {"a": (0.0, 1.0), "s": {"seeds": 10}}, "the study has 100000000 points"),
             (Design("table", table={"a": [1.0, 2.0], "b": [1.0]}), {}, "equally long, found a 2, b 1 rows"),
-            (Design("table", table={"a": ["x"]}), {}, "parameters.a: expected numbers in SI units, found 'x'"),
+            (Design("table", table={"a": ["x"]}), {}, 'parameters.a: "x" is not a number with a unit'),
             (Design("table", table={"a": [math.nan]}), {}, "parameters.a: expected numbers in SI units, found nan"),
         ],
     )  # fmt: skip
@@ -188,6 +198,73 @@ class TestStudy:
             carom.Study.of(files / "slide.toml", table=files / "t.csv")
 
 
+class TestQuantities:
+    """A study reads of parameters what the scenario itself reads."""
+
+    @pytest.mark.parametrize(
+        ("given", "values"),
+        [
+            (["36 km/h", 5, "= 2*pi"], [10.0, 5.0, 2 * math.pi]),
+            ({"values": ["1 m/s", "200 cm/s"]}, [1.0, 2.0]),
+            ({"low": "1 m/s", "high": "3.6 km/h", "count": 2}, None),
+            ({"low": "1 m/s", "high": "7.2 km/h", "count": 2}, [1.0, 2.0]),
+            (("36 km/h", 20.0), [10.0, 20.0]),
+            ("36 km/h", [10.0]),
+        ],
+    )
+    def test_values_are_those_that_the_scenario_has_of_the_same_texts(
+        self, given: Any, values: list[float] | None, files: Path
+    ) -> None:
+        if values is None:
+            with pytest.raises(CaromError, match=r"parameters.v: low = 1, high = 1; wanted low < high"):
+                Axis.of("v", given)
+            return
+        axis = Axis.of("v", given)
+        found = list(axis.values) or [axis.low, axis.high]
+        assert found == values
+        for text in given if isinstance(given, list) else ():
+            assert (
+                carom.Scene.from_toml(files / "slide.toml", parameters={"v": text}).parameters["v"] in values
+            )
+
+    def test_a_file_has_them_too_and_a_message_has_the_line(self, files: Path) -> None:
+        study = files / "study.toml"
+        study.write_text(
+            'format = 1\nscenario = "slide.toml"\n[parameters]\nmu = [0.1]\nv = ["36 km/h", 5]\n'
+        )
+        assert carom.Study.from_toml(study).points["v"].tolist() == [10.0, 5.0]
+        study.write_text(study.read_text().replace("36 km/h", "0.1"))
+        with pytest.raises(CaromError, match=rf'^{study}:5: parameters.v: "0.1" is text without a unit'):
+            carom.Study.from_toml(study)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "told"),
+        [
+            ("v", "3 s", r'expected a quantity like "1 m/s", found "3 s", a time; write a number in m/s'),
+            ("step", "1 m", 'expected a time, found "1 m", a length'),
+            ("run.step", "1 m", 'expected a time, found "1 m", a length'),
+            ("cue.velocity.y", "1 m", 'expected a speed, found "1 m", a length'),
+            ("cue.mass", "1 m", 'expected a mass, found "1 m", a length'),
+            ("ball/ball.restitution", "1 m", 'expected a number, found "1 m", a length'),
+        ],
+    )
+    def test_a_unit_is_one_of_the_place_that_the_value_goes_to(
+        self, name: str, value: str, told: str, files: Path
+    ) -> None:
+        scenario = files / "slide.toml"
+        scenario.write_text(scenario.read_text().replace("v = 1.0", 'v = "1 m/s"'))
+        for given in ({"parameters": {name: [value]}}, {"table": {name: [value]}}):
+            with pytest.raises(CaromError) as caught:
+                carom.Study.of(scenario, **given)
+            assert f"parameters.{name}: {told}" in str(caught.value)
+
+    def test_units_are_free_where_set_computes_with_the_values(self, files: Path) -> None:
+        study = carom.Study.of(
+            files / "slide.toml", {"mass": ["2 m"], "t": ["1 s"]}, set={"cue.velocity.y": "= mass/t"}
+        )
+        assert study.targeting.scene(0).spheres[0].velocity == pytest.approx([1.0, 2.0, 0.0])
+
+
 class TestPlaces:
     """Messages name the file of what they complain about."""
 
@@ -204,7 +281,7 @@ class TestPlaces:
     ) -> None:
         study = files / "study.toml"
         study.write_text(STUDY.replace("[design]", f"[run]\n{line}\n[design]"))
-        with pytest.raises(CaromError, match=f"^{re.escape(str(study))}: {told}"):
+        with pytest.raises(CaromError, match=rf"^{re.escape(str(study))}:\d+: {told}"):
             carom.Study.from_toml(study)
 
     def test_a_case_that_is_refused_names_the_scenario_or_the_parameter(self, files: Path) -> None:

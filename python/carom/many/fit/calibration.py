@@ -15,7 +15,7 @@ from carom.errors import CaromError, counted, did_you_mean
 from carom.many.fit import checks
 from carom.many.fit.data import Measured, Target, read
 from carom.many.sweep import study as files
-from carom.many.sweep.design import Axis, Design, number
+from carom.many.sweep.design import Axis, Design, number, quantity
 from carom.many.sweep.study import Measure, Study
 from carom.scene.plan import Plan
 from carom.scene.scene import Scene
@@ -101,7 +101,7 @@ class Calibration:
                 value = (
                     float(axis.at(np.array(0.5)))
                     if first is None
-                    else number(f"parameters.{name}.start", first)
+                    else quantity(f"parameters.{name}.start", first, axis.quantity)
                 )
                 if not axis.low <= value <= axis.high:
                     raise CaromError(
@@ -131,6 +131,7 @@ class Calibration:
         most = base + each * len(fitted) if points is None else points
         made = cls(study, fitted, tuple(start), tuple(found), search, most, starts, seed, difference)
         plan = made.plan  # refuses impossible bounds, from which an impossible start may follow
+        study.targeting.check_units({axis.name: axis.quantity for axis in axes})
         study.check()
         made._check(measure is not None)
         if plan is not None:

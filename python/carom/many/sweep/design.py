@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from carom import units
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, extra, nearest
 from carom.numeric import is_finite
+from carom.scene.tables.laws import parse
+from carom.scene.toml.formulas import blank, is_formula
 
 RANDOM = ("lhs", "sobol")
 KINDS = ("grid", "table", *RANDOM)
@@ -33,6 +36,8 @@ class Axis:
     count: int | None = None
     log: bool = False
     crossed: bool = False
+    quantity: str | None = None
+    """A text with a unit that was given; others have its dimension, or no unit."""
 
     @classmethod
     def of(cls, name: str, given: Any) -> Axis:
@@ -42,7 +47,7 @@ class Axis:
         if isinstance(given, Mapping):
             return cls._of_table(name, dict(given))
         values = np.atleast_1d(np.asarray(given, dtype=object)).tolist()
-        return cls(name, _numbers(name, values))
+        return cls(name, _numbers(name, values), quantity=with_unit(values))
 
     @classmethod
     def _of_table(cls, name: str, given: dict[str, Any]) -> Axis:
@@ -63,10 +68,11 @@ class Axis:
             values = given.pop("values")
             if given or not isinstance(values, (list, tuple)):
                 raise CaromError(f"parameters.{name}: give values = [...] alone, or low and high")
-            return cls(name, _numbers(name, values))
+            return cls(name, _numbers(name, values), quantity=with_unit(values))
         if not {"low", "high"} <= set(given):
             raise CaromError(f"parameters.{name}: give values = [...], or low and high, or seeds")
-        low, high = _numbers(name, [given["low"], given["high"]])
+        ends = [given["low"], given["high"]]
+        low, high = _numbers(name, ends)
         points = None if "count" not in given else _whole(f"parameters.{name}.count", given["count"])
         log = given.get("log", False)
         if not isinstance(log, bool):
@@ -74,7 +80,7 @@ class Axis:
         if not low < high or (log and low <= 0):
             rule = "0 < low < high" if log else "low < high"
             raise CaromError(f"parameters.{name}: low = {low:g}, high = {high:g}; wanted {rule}")
-        return cls(name, (), low, high, points, log)
+        return cls(name, (), low, high, points, log, quantity=with_unit(ends))
 
     def on_grid(self) -> F64:
         """Its points on a grid."""
@@ -104,7 +110,7 @@ class Design:
     kind: str = "grid"
     count: int | None = None
     seed: int = 0
-    table: Mapping[str, Sequence[float]] | None = None
+    table: Mapping[str, Sequence[float | str]] | None = None
 
     def points(self, axes: Sequence[Axis]) -> dict[str, F64]:
         """Values of every axis, (cases,) each; axes that are `crossed` vary fastest."""
@@ -191,10 +197,27 @@ def _fits(size: int, what: str) -> None:
 
 
 def _numbers(name: str, values: Any) -> tuple[float, ...]:
-    found = [number(f"parameters.{name}", value) for value in values]
+    found = [quantity(f"parameters.{name}", value, with_unit(values)) for value in values]
     if not found:
         raise CaromError(f"parameters.{name}: the list of values is empty")
     return tuple(found)
+
+
+def with_unit(values: Iterable[Any]) -> str | None:
+    """The first of some values that is a quantity with a unit."""
+    return next((value for value in values if isinstance(value, str) and not is_formula(value)), None)
+
+
+def quantity(place: str, value: Any, like: str | None = None) -> float:
+    """A finite number in SI, also of a text as in `[parameters]` of a scenario: a quantity of the dimension of `like`, or an
+    expression of numbers.
+    """
+    if isinstance(value, str):
+        try:
+            value = parse(blank(value)).evaluate({}) if is_formula(value) else units.parse(value, like=like)
+        except ValueError as error:
+            raise CaromError(f"{place}: {error}") from error
+    return number(place, value)
 
 
 def number(place: str, value: Any) -> float:

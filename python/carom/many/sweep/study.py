@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from typing import Any
 from carom.arrays import F64
 from carom.errors import CaromError, ScenarioError, among, did_you_mean
 from carom.many.batch_result import KINEMATICS
-from carom.many.sweep.design import Axis, Design, number
+from carom.many.sweep.design import Axis, Design, number, with_unit
 from carom.many.sweep.origin import COLUMNS as ORIGIN
 from carom.many.sweep.table_file import read_table
 from carom.many.sweep.targets import RUN, Targets
@@ -25,6 +26,7 @@ from carom.run.result import Result
 from carom.scene.scene import Scene
 from carom.scene.shipped import find, named
 from carom.scene.tables.model import SINGLE
+from carom.scene.toml.lines import LineMap
 from carom.scene.toml.load import read_text
 
 Measure = Callable[["Result"], Mapping[str, float]]
@@ -82,7 +84,7 @@ class Study:
         design: str = "grid",
         count: int | None = None,
         seed: int = 0,
-        table: Mapping[str, Sequence[float]] | str | Path | None = None,
+        table: Mapping[str, Sequence[float | str]] | str | Path | None = None,
         set: Mapping[str, str | float] | None = None,
         case: str | None = None,
         title: str = "",
@@ -142,6 +144,9 @@ class Study:
                 raise CaromError(
                     f"parameters.{name}: a column of the results is called so; choose another name"
                 )
+        tables = self.design.table or {}
+        texts = {axis.name: axis.quantity for axis in self.axes}
+        self.targeting.check_units(texts | {name: with_unit(values) for name, values in tables.items()})
         self.targeting.check()
         if self.bodies is not None:
             names = self.targeting.base.names
@@ -259,17 +264,29 @@ def arguments(path: Path, raw: Mapping[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def named_in(path: Path) -> Iterator[None]:
-    """Errors of what a file says name the file."""
+    """Errors of what a file says name the file, and the line of the key that they begin with."""
     try:
         yield
     except ScenarioError as error:
         raise ScenarioError(
-            replace(p, where=str(path), key=f"run.{p.key}") if p.where == RUN else p for p in error.problems
+            replace(p, where=str(path), line=_line(path, key := f"run.{p.key}"), key=key)
+            if p.where == RUN
+            else p
+            for p in error.problems
         ) from None
     except CaromError as error:
         if type(error) is not CaromError or str(path) in str(error):
             raise
-        raise CaromError(f"{path}: {error}") from error
+        line = _line(path, str(error))
+        raise CaromError(f"{path}{f':{line}' if line else ''}: {error}") from error
+
+
+def _line(path: Path, told: str) -> int | None:
+    """The line of the key, as `parameters.speed`, that a text begins with. Its name may have points."""
+    section, *parts = re.split(r"[\s:=]", told, maxsplit=1)[0].split(".")
+    lines = LineMap(_read(path)).paths()
+    keys = (".".join(parts[:n]) for n in range(len(parts), 0, -1))
+    return next((lines[section, key] for key in keys if (section, key) in lines), None)
 
 
 def _known(path: Path, section: str, table: Mapping[str, Any], keys: Mapping[str, tuple[str, ...]]) -> None:

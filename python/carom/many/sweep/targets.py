@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from carom import units
 from carom._core import Expression, ExpressionError
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, only_once, quoted
@@ -24,7 +25,9 @@ from carom.many.batch_result import KINEMATICS
 from carom.many.cases import Overrides, refuse_numbers
 from carom.scene.scene import Scene
 from carom.scene.tables import parameters
-from carom.scene.tables.model import SINGLE
+from carom.scene.tables.balls import Sphere
+from carom.scene.tables.base import Table
+from carom.scene.tables.model import SINGLE, Contact
 from carom.scene.toml.load import parse
 
 #: What problems of options call their place; `named_in` puts the file of the study there.
@@ -143,6 +146,24 @@ class Targets:
                 if (place := (one.where, one.line, one.key)) not in told:
                     told.add(place)
                     yield f"case {case}: {one}"
+
+    def check_units(self, quantities: Mapping[str, str | None]) -> None:
+        """Refuse values whose unit is of another dimension than the place that they go to by themselves."""
+        of_file = parameters.quantities(tomllib.loads(self.text))
+        for name, text in quantities.items():
+            if text is None:
+                continue
+            quantity = next((part for part in name.split(".")[::-1] if part not in tuple("wxyz")), "")
+            is_option = self.of_run.get(quantity) == name
+            owners: list[type[Table]] = [*SINGLE.values()] if is_option else [Sphere, Contact]
+            owner = next((table for table in owners if quantity in table.model_fields), None)
+            try:
+                if self.of_file.get(name) == name:
+                    units.parse(text, like=of_file.get(name))
+                elif owner and (is_option or name in self.of_arrays):
+                    units.parse(text, parameters.dimension_of(owner, quantity))
+            except units.UnitError as error:
+                raise CaromError(f"parameters.{name}: {error}") from error
 
     def _check_effects(self, case: int) -> None:
         """Refuse parameters of the file that do nothing, since the study itself sets all that the file uses them for."""

@@ -63,7 +63,7 @@ class Formulas:
         if not self.names(text, path, values):
             return None
         known = {name: value for name, value in values.items() if value is not None}
-        expression = parse(_blank(text))
+        expression = parse(blank(text))
         if any(name not in known for name in expression.variables):
             self.damaged.add(path)
             return None
@@ -98,11 +98,11 @@ class Formulas:
 
     def _read(self, text: str, path: Path) -> Any:
         try:
-            return parse(_blank(text))
+            return parse(blank(text))
         except ValueError as e:
             cause, _, cure = str(e).partition("; ")
             cure = cure or "complete it"
-            if units.is_quantity(_blank(text)):
+            if units.is_quantity(blank(text)):
                 cure += '; of a number with a unit leave the "=" out'
             self.refuse(path, f"cannot read {quoted(text)}: {cause}", cure)
             return None
@@ -122,7 +122,7 @@ class Formulas:
     def _is_law(self, text: str, variable: str, path: Path, values: Mapping[str, float | None]) -> bool:
         """Whether somebody wrote a law as an expression of parameters."""
         try:
-            names = parse(_blank(text)).variables
+            names = parse(blank(text)).variables
         except ValueError:
             return False
         if variable not in names or variable in values:
@@ -136,5 +136,6 @@ class Formulas:
         return True
 
 
-def _blank(text: str) -> str:
+def blank(text: str) -> str:
+    """An expression with a blank in place of its sign."""
     return text.replace("=", " ", 1) if is_formula(text) else text
