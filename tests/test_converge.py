@@ -12,7 +12,7 @@ import carom
 import numpy as np
 import pytest
 from carom import Scene
-from carom.many.order import clear_order, error_of, order_of
+from carom.many.order import ROUNDING, clear_order, error_of, order_of
 from carom.many.quantity import Quantity
 from typer.testing import CliRunner
 
@@ -348,7 +348,9 @@ def test_errors_that_are_rounding_are_counted_and_left_out_of_the_figure(
 
     steps = [4e-3, 2e-3, 1e-3]
     orders = {name: clear_order(steps, row) for name, row in rows.items()}
-    study = SimpleNamespace(title="t", reference="r", steps=steps, errors=rows, orders=orders)
+    study = SimpleNamespace(
+        title="t", reference="r", steps=steps, errors=rows, orders=orders, rounding=ROUNDING
+    )
     chart = convergence(study)
     [axes], [legend] = chart.figure.axes, chart.figure.legends
     assert [text.get_text() for text in legend.get_texts()] == told

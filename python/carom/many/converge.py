@@ -12,14 +12,14 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from carom.arrays import F64, I64
 from carom.errors import CaromError
 from carom.many.batch import usable_processors
-from carom.many.order import FINER, Order, clear_order, doubts, error_of
+from carom.many.order import FINER, ROUNDING, Order, clear_order, doubts, error_of
 from carom.many.quantity import QUANTITIES, USUAL, Quantity
 from carom.many.reference_solution import Formulas, Frames, Function, Truth
 from carom.many.sheets import of_convergence, titled
@@ -85,6 +85,8 @@ class Convergence:
     case: str | None = None
     remarks: tuple[str, ...] = ()
     """Why an order should not be believed, or the reference."""
+    rounding: ClassVar[float] = ROUNDING
+    """Errors up to this are rounding: they show no order."""
 
     def __str__(self) -> str:
         return str(of_convergence(self))

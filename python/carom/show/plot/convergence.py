@@ -8,7 +8,6 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.errors import counted
-from carom.many.order import ROUNDING
 from carom.show.plot.style import COLOURS, GREY, Chart, entry, legend, panels, styled
 
 if TYPE_CHECKING:
@@ -27,7 +26,8 @@ def convergence(study: Convergence) -> Chart:
     h = np.array(study.steps)
     numbers: dict[str, Array] = {"h (s)": h}
     ordered: list[float] = []
-    least = ROUNDING if any(e > ROUNDING for row in study.errors.values() for e in row) else 0.0
+    rounding = study.rounding
+    least = rounding if any(e > rounding for row in study.errors.values() for e in row) else 0.0
     with styled():
         figure, (axes,) = panels(1, 4.2, f"{study.title}: against {study.reference}")
         for i, (name, row) in enumerate(study.errors.items()):
@@ -40,8 +40,8 @@ def convergence(study: Convergence) -> Chart:
                 told = f"order {order.value:.2f}{spread}"
                 axes.loglog(h, order.factor * h**order.value, color=colour, linewidth=0.8)
                 ordered += errors[shown].tolist()
-            if rounding := int(np.sum(errors <= ROUNDING)):
-                told += f", {counted(rounding, 'error')} below {ROUNDING:g}"
+            if small := int(np.sum(errors <= rounding)):
+                told += f", {counted(small, 'error')} below {rounding:g}"
             marker = MARKERS[i % len(MARKERS)]
             axes.loglog(
                 h[shown], errors[shown], marker, color=colour, markersize=4.5, label=f"{entry(name)}: {told}"
