@@ -442,3 +442,25 @@ def test_a_load_that_is_taken_back_turns_nothing() -> None:
     size = np.linalg.norm(spins[0])
     assert np.linalg.norm(spins[still + 1] - spins[still], axis=1).max() < 1e-4 * size
     assert audit.check(found).ok
+
+
+def test_what_sticks_between_floor_and_lid_does_not_slide() -> None:
+    """A lid that hops on it: corrections of positions take back its load, and turned the clump's velocity unseen."""
+    scene = carom.Scene(gravity=(0, 0, -9.8))
+    scene.contact("b", "b", friction=0.5, restitution=0.8)
+    free = {"mass": 0.1, "pressure": 100.0, "area": 0.01}
+    scene.plane("lid", point=(0, 0, 0.06), normal=(0, 0, -1), material="b", free=free)
+    scene.clump("r", spheres=[[0, 0, 0, 0.01], [0.02, 0, 0, 0.02]], material="b", density=3000,
+                position=(0, 0, 0.03), angular_velocity=(3, 20, 5), velocity=(0, 1, 1))  # fmt: skip
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="b")
+    run = carom.simulate(scene, step=1e-3, until=0.4, every=1)
+    radius, sticks = run.bodies["radius"], 0
+    for k in range(1, len(run.time)):
+        rows = run.contacts.at(k)
+        for status, (a, b), normal in zip(rows.status, rows.body, rows.normal, strict=True):
+            if status == 1 and len(rows.status) == 2 and k > 300:
+                foot = -radius[a] * np.asarray(normal)
+                slip = run.velocity[k, a] + np.cross(run.angular_velocity[k, a], foot)
+                assert np.linalg.norm(slip[:2]) < 1e-8, (k, b)
+                sticks += 1
+    assert sticks > 50

@@ -153,6 +153,18 @@ def test_no_ball_wall_or_other_clump_has_the_name_of_a_clump(name: str, other: s
     assert causes == [alike if other in ("clump", "inflow") else f'there is already a {what} "{name}"']
 
 
+def test_a_clump_may_be_called_as_a_ball_of_another_and_is_meant_then() -> None:
+    scene = Scene()
+    scene.contact("steel", "steel", friction=0.1, restitution=0.5)
+    for k in range(12):
+        scene.clump(f"c{k}", spheres=TEE, mass=1, at=(k, 0, 0), material="steel")
+    scene.run.until, scene.run.step = 1e-3, 1e-3
+    scene.validate()
+    scene.load("c11", force=(1, 0, 0))
+    with pytest.raises(ScenarioError, match=r'"c11" is a clump.*give it another name to mean the ball "c11"'):
+        scene.validate()
+
+
 def test_calls_refuse_the_name_of_a_clump_at_once() -> None:
     scene = with_clump()
     copied = copy.copy(scene)

@@ -202,6 +202,7 @@ pub(crate) fn turn_velocities(model: &Model, state: &State, scratch: &mut Scratc
         let back = clump.turning(all_loads, taken_back[number]);
         let by_loads = advance(-back, all_loads);
         let corrected = end * by_loads.inverse();
+        scratch.clumps.turned_along[number] = 2.0 * corrected.xyz().length();
         let of_ends = match model.is_jointed(clump.balls.start) {
             true => [state.angular_velocity[i], clump.turning(end, momentum)],
             false => [before, momentum].map(|of| corrected * clump.turning(by_loads, of)),

@@ -30,6 +30,8 @@ pub struct Clumps {
     /// At which the loads were solved, and where these have turned them.
     pub(super) at_loads: Vec<DQuat>,
     pub(super) by_loads: Vec<DQuat>,
+    /// By how much what corrected positions has turned the angular velocity, rad.
+    pub(super) turned_along: Vec<f64>,
     /// What loads on its balls gave each clump in the step, about its centre of mass, N m s.
     pub(super) moment: Vec<DVec3>,
     /// `S` of each clump, and its inverse.
@@ -52,6 +54,7 @@ impl Clumps {
             spin_before: vec![DVec3::ZERO; count],
             at_loads: vec![DQuat::IDENTITY; count],
             by_loads: vec![DQuat::IDENTITY; count],
+            turned_along: vec![0.0; count],
             moment: vec![DVec3::ZERO; count],
             scale: vec![[DMat3::IDENTITY; 2]; count],
         }
@@ -148,11 +151,11 @@ impl Clumps {
         }
     }
 
-    /// How far (rad) the clump of a ball has turned since the loads were solved; 0 of what belongs to none.
+    /// How far (rad) the clump of a ball, or its angular velocity, has turned since the loads were solved; 0 of what belongs to none.
     pub fn turned_since_loads(&self, model: &Model, ball: u32) -> f64 {
         model.clump_of(ball).map_or(0.0, |k| {
             let turn = self.orientation[k] * self.at_loads[k].inverse();
-            2.0 * turn.xyz().length()
+            self.turned_along[k].max(2.0 * turn.xyz().length())
         })
     }
 

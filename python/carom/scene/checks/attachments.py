@@ -50,6 +50,11 @@ def check_names(parts: Parts) -> Iterator[Finding]:
                     'a sphere is called "ground", which here means what never moves',
                     "rename the sphere",
                 )
+        elif name in clumps:
+            cause = f"{quoted(name)} is a clump, and {_acts(section)} on spheres"
+            cure = f"its balls are {clumps[name][0]} to {clumps[name][-1]}"
+            if name in known:
+                cure += f"; give it another name to mean the ball {quoted(name)}"
         elif name not in known:
             if name in walls:
                 what = walls[name].section.replace("_", " ")
@@ -57,9 +62,6 @@ def check_names(parts: Parts) -> Iterator[Finding]:
                 wall = walls[name]
                 stands = ground_admitted and wall.motion is None and wall.free is None
                 cure = 'planes never move: write "ground"' if stands else _known(name, bodies)
-            elif name in clumps:
-                cause = f"{quoted(name)} is a clump, and {_acts(section)} on spheres"
-                cure = f"its balls are {clumps[name][0]} to {clumps[name][-1]}"
             elif name == GROUND:
                 cause = f"{quoted(name)} is no sphere"
                 cure = (

@@ -202,8 +202,9 @@ def _names(parts: Parts) -> Iterator[Finding]:
             )
         seen.add(table.name)
     bodies = parts.bodies()
-    known = dict.fromkeys(bodies.names, "sphere")
-    if len(known) < len(bodies.names):
+    # Clumps c1 to c12 may have one called as a ball of another: who means which of both is refused, where one is meant.
+    known = {name: "sphere" for name, of in zip(bodies.names, bodies.clump, strict=True) if of < 0}
+    if len(set(bodies.names)) < len(bodies.names):
         for body in islice(_repeated(bodies.names), MOST):
             section, index = bodies.origin(body)
             cause = f"there are two spheres {quoted(bodies.names[body])}"
