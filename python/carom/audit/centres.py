@@ -9,9 +9,10 @@ from carom.audit.block import Block
 
 
 def at_walls(block: Block, k: I64, a: I64, b: I64, normal: F64, *, start: bool = False) -> F64:
-    """(K, 3) centres of balls `a` for the velocities of walls `b` at the ends of the steps `k`, or at their starts, m. Both
-    are where the normals are, which is where the step ends, and with Moreau-Jean the middle; the point that the wall turns
-    about takes them along. Of loads that are solved once it is the surface that moves, and a ball may have left it.
+    """(K, 3) centres of balls `a` for the velocities of walls `b`, of their shapes, at the ends of the steps `k` or at their
+    starts, m. Both are where the normals are, which is where the step ends, and with Moreau-Jean the middle; the point that
+    the wall turns about takes them along. Of loads that are solved once it is the surface that moves, and a ball may have
+    left it.
     """
     run = block.run
     if run.method == "moreau":
@@ -26,13 +27,12 @@ def at_walls(block: Block, k: I64, a: I64, b: I64, normal: F64, *, start: bool =
 
 
 def riding(block: Block, k: I64, a: I64, *, start: bool = False) -> F64 | None:
-    """(K, 3) the same for the material of walls, where it has others: with Moreau-Jean where the ball is then, by its
-    velocity before the step. With those of the middle what rides on a turning wall would spiral outwards.
+    """(K, 3) the same for the material of walls, where it has others: where the ball is at either time, with Moreau-Jean by
+    its velocity before the step. With those of one place what rides on a turning wall would spiral outwards.
     """
-    run = block.run
-    if run.method != "moreau":
-        return None
-    return np.asarray(block.x0[k, a] + (0.0 if start else run.h) * block.v0[k, a])
+    if start:
+        return np.asarray(block.x0[k, a])
+    return np.asarray(block.x0[k, a] + block.run.h * block.v0[k, a]) if block.run.method == "moreau" else None
 
 
 def half_way(block: Block, k: I64, a: I64, b: I64) -> tuple[F64, F64]:

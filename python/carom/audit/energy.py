@@ -322,7 +322,7 @@ def _at_start(run: Run) -> tuple[float, float]:
 
 def _walls(block: Block) -> F64:
     """(K,) twice what works by moving walls may differ by, J: on record they are against the wall at the end of the step,
-    its own is by its mean. Both are where the impulses act.
+    its own is by its mean. Both are where the impulses act, but for Moreau-Jean with another theta than a half.
     """
     run, c = block.run, block.rows
     found = np.zeros(len(c))
@@ -331,16 +331,19 @@ def _walls(block: Block) -> F64:
         if not wall.moves or not mine.size:
             continue
         k, a, b, normal = c.k[mine], c.a[mine], c.b[mine], c.normal[mine]
-        laws = (at_walls(block, k, a, b, normal, start=start) for start in (True, False))
-        ridden = [x for start in (True, False) if (x := riding(block, k, a, start=start)) is not None]
-        (first, end), (start, last) = (
+        laws = [at_walls(block, k, a, b, normal, start=start) for start in (True, False)]
+        rides = [riding(block, k, a, start=True), riding(block, k, a)]
+        ridden = [there if x is None else x for x, there in zip(rides, laws, strict=True)]
+        (first, end), of_material, (start, last) = (
             [
                 np.stack(wall.velocity(t[k], centre - run.radius[a][:, None] * normal, end=after))
                 for centre, t, after in zip(centres, (block.t0, block.t1), (False, True), strict=True)
             ]
-            for centres in (laws, ridden or half_way(block, k, a, b))
+            for centres in (laws, ridden, half_way(block, k, a, b))
         )
-        both = np.maximum(norm(end - first), norm(last - start))
+        first[1], end[1] = of_material[0][1], of_material[1][1]
+        by_loads = 2.0 * end - start - last if run.method == "moreau" else last - start
+        both = np.maximum(norm(end - first), norm(by_loads))
         change = both[0] + both[1] + run.radius[a] * both[2]
         found[mine] = change * (norm(c.impulse[mine]) + norm(c.moment[mine]) / run.radius[a])
     return np.asarray(found + box_energy.unsure(block))

@@ -263,9 +263,9 @@ impl Walls {
         Some(self.course(model, c.b)?.start.twist(point))
     }
 
-    /// The same at t_n and at t_{n+1} as the laws of the contact take them: both at the place of its normal, that of the corrected centre `end` (with
-    /// Moreau-Jean that half-way, but for the material), which goes along with the wall's point. At the place of the other time a round wall that turns
-    /// about its own axis would move along the normal.
+    /// The same at t_n and at t_{n+1} as the laws of the contact take them. The shape at the place of the normal, that of the corrected centre `end` (with
+    /// Moreau-Jean that half-way), which goes along with the wall's point: at the place of the other time a round wall that turns about its own axis
+    /// would move along the normal. The material where the ball is at either time.
     #[inline]
     pub fn twists(
         &self,
@@ -282,21 +282,21 @@ impl Walls {
         }
         let (a, course) = (c.a as usize, self.course(model, c.b)?);
         let point = |centre: DVec3| centre - model.radius[a] * c.n1;
-        if model.options.method == Method::MoreauJean {
-            let (from, way) = (state.position[a], self.span.h * state.velocity[a]);
-            let mut both = course.passing(point(from + 0.5 * way), 0.5);
-            // What a turning wall carries would spiral outwards with the material's velocity half-way.
-            both[0].material = course.start.twist(point(from)).material;
-            both[1].material = course.end.twist(point(from + way)).material;
-            return Some(both);
-        }
-        // Once the smooth step may have left the surface: it is the surface that moves.
-        let left = if model.options.loads_once() {
-            c.gap
-        } else {
-            0.0
+        let from = state.position[a];
+        let (of_normal, passed, to) = match model.options.method {
+            Method::MoreauJean => {
+                let way = self.span.h * state.velocity[a];
+                (from + 0.5 * way, 0.5, from + way)
+            }
+            // Once the smooth step may have left the surface: it is the surface that moves.
+            _ if model.options.loads_once() => (end - c.gap * c.n1, 1.0, end - c.gap * c.n1),
+            _ => (end, 1.0, end),
         };
-        Some(course.passing(point(end - left * c.n1), 1.0))
+        let mut both = course.passing(point(of_normal), passed);
+        // With the velocity at one place what a turning wall carries would spiral outwards.
+        both[0].material = course.start.twist(point(from)).material;
+        both[1].material = course.end.twist(point(to)).material;
+        Some(both)
     }
 
     /// What moves body B at t_{n+1} as the works of loads take it that are solved once: where they act, half-way between the centres at both ends of the
@@ -446,7 +446,7 @@ impl Walls {
         let mut work = 0.0;
         for c in contacts
             .iter()
-            .filter(|c| c.meets_wall(model) && c.lambda[0] != 0.0)
+            .filter(|c| c.meets_wall(model) && c.lambda != [0.0; 6])
         {
             let (on_ball, normal) = c.impulse();
             let [at_end, half_way] = self.levers(model, c, state, position);
@@ -460,10 +460,7 @@ impl Walls {
             on_wall[1] -= on_ball.moment;
             for (lever, [impulse, normal]) in [(at_end, impact), (half_way, then)] {
                 on_wall[1] -= lever.arm.cross(impulse);
-                let mean = match model.options.method {
-                    Method::MoreauJean => self.mean_of_laws(model, c, state),
-                    _ => self.mean_twist(model, c, &lever),
-                };
+                let mean = self.mean_twist(model, c, &lever);
                 work += mean.map_or(0.0, |mean| {
                     normal.dot(mean.shape) + (impulse - normal).dot(mean.material)
                 });
@@ -472,12 +469,6 @@ impl Walls {
             work += mean.map_or(0.0, |mean| on_ball.moment.dot(mean.spin));
         }
         work
-    }
-
-    /// The mean of what the laws of Moreau-Jean take of a moving wall: works against it, and that of the wall, are then those of the bodies.
-    fn mean_of_laws(&self, model: &Model, c: &Contact, state: &State) -> Option<WallTwist> {
-        let [start, end] = self.twists(model, c, state, DVec3::ZERO)?;
-        Some(start.mean(&end))
     }
 
     /// The mean of what a moving wall has at both ends of the step, there: what turns at a constant rate does its work by moment and turn.
