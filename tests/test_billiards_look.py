@@ -185,6 +185,33 @@ def test_bed_and_rails_fill_what_the_pockets_leave(change: dict[str, Any]) -> No
     assert rails - wood == pytest.approx(sunk, rel=0.05, abs=1e-4)
 
 
+@pytest.mark.parametrize("name", [n for n in KINDS if n != "carom"])
+@pytest.mark.parametrize(("sideways", "high"), [(0.0, 1.2), (0.4, 0.6)], ids=["middle", "end"])
+def test_nobody_sees_through_a_table(name: str, sideways: float, high: float) -> None:
+    """Of the picture that an eye above has around the pockets all is covered: beside their liners the ground was seen."""
+    shape = Shape(billiards.table(name))
+    at = shape.length * np.array([0.5 + sideways, 0.5 * shape.width / shape.length, high])
+    corners = np.concatenate([part.points[part.faces] for part in parts(shape)])
+    corners = (at + (corners - at) * (at[2] / (at[2] - corners[..., 2]))[..., None])[
+        ..., :2
+    ]  # as seen on the bed
+    for hole in (hole for hole in shape.holes if hole.name.endswith("right")):  # the left ones mirror them
+        reach = hole.radius + 1.5 * shape.liner
+        grid = hole.centre + reach * np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, 80)]), axis=-1).reshape(
+            -1, 2
+        )
+        near = (corners.max(axis=1) > hole.centre - reach).all(axis=1)
+        near &= (corners.min(axis=1) < hole.centre + reach).all(axis=1)
+        covered = np.zeros(len(grid), dtype=bool)
+        for a, b, c in corners[near]:
+            sides = [
+                (q - p)[0] * (grid - p)[:, 1] - (q - p)[1] * (grid - p)[:, 0]
+                for p, q in ((a, b), (b, c), (c, a))
+            ]
+            covered |= (np.min(sides, axis=0) >= -1e-15) | (np.max(sides, axis=0) <= 1e-15)
+        assert covered.all(), (hole.name, grid[~covered] - hole.centre)
+
+
 @pytest.mark.parametrize("name", KINDS)
 def test_rubber_ends_at_the_noses_that_balls_meet(name: str) -> None:
     table = billiards.table(name)
@@ -327,6 +354,17 @@ def rgb(css: str, image: np.ndarray) -> np.ndarray:
 
 @pytest.mark.usefixtures("drawing")
 class TestFilm:
+    def test_the_time_is_read_where_it_stands_on_the_table(self, shot: carom.Result) -> None:
+        with_, without = (picture(shot, camera="top", stamp=stamp).mean(axis=-1) for stamp in (True, False))
+        changed = np.argwhere(np.abs(with_ - without) > 2)
+        box = tuple(
+            slice(low, high + 1) for low, high in zip(changed.min(axis=0), changed.max(axis=0), strict=True)
+        )
+        assert without[box].min() < 120  # wood
+        backing, ink = np.quantile(with_[box], [0.5, 0.01])
+        assert backing - ink > 100
+        assert np.mean(with_[box] > 180) > 0.6
+
     def test_from_above_the_pockets_are_dark_and_mirror_each_other(self, shot: carom.Result) -> None:
         image = picture(shot, camera="top", shading="plain")
         shape = Shape(billiards.table("9ft"))

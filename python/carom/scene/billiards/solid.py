@@ -110,9 +110,15 @@ def _pocket(shape: Shape, liner: _Mesh, inside: _Mesh, hole: Hole) -> None:
     liner.strip(rows[0], rows[1], lambda at: (centre - at) * (1.0, 1.0, 0.0))
     for a, b in pairwise(rows[1:]):
         liner.strip(a, b, (0.0, 0.0, 1.0))
+    for k, inward in ((0, 1), (-1, -2)):  # its ends: the rail is hollow behind them
+        end = np.array([row[k] for row in rows])
+        liner.strip(end, end * (1.0, 1.0, 0.0), rows[0][k] - rows[0][inward])
     whole = np.linspace(0.0, 2 * math.pi, 49)
     deep = -SKIRT * shape.size
-    rim, floor = (np.column_stack([hole.around(hole.radius, whole), np.full(49, z)]) for z in (0.0, deep))
+    # It reaches under the cloth: the two have other corners.
+    brim = [(1.02 * hole.radius, -LIFT * shape.size), (hole.radius, -LIFT * shape.size), (hole.radius, deep)]
+    edge, rim, floor = (np.column_stack([hole.around(rho, whole), np.full(49, z)]) for rho, z in brim)
+    inside.strip(edge, rim, (0.0, 0.0, 1.0))
     inside.strip(rim, floor, lambda at: (centre - at) * (1.0, 1.0, 0.0))
     inside.fan(hole.around(hole.radius, whole[:-1]), deep)
 

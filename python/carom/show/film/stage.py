@@ -339,7 +339,10 @@ class Stage:
 
     def _text(self) -> Any:
         found = vtk("vtkRenderingCore").vtkTextActor()
-        _plain(found.GetTextProperty(), round(self._look.height / 30))
+        words = found.GetTextProperty()
+        _plain(words, round(self._look.height / 30))
+        words.SetBackgroundColor(*colour(BACK[0]))
+        words.SetBackgroundOpacity(0.75)  # it may stand on what is drawn
         margin = round(self._look.height / 36)
         found.SetPosition(margin, margin)
         self._renderer.AddViewProp(found)
