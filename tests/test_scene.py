@@ -519,3 +519,20 @@ def test_the_world_is_an_attribute_and_joints_call_it_ground() -> None:
     scene.joint("rod", between=["bob", "world"], points=[(0, 0, 0), (0, 0, 1)])
     with pytest.raises(carom.ScenarioError, match='unknown sphere "world"; known: bob, ground'):
         scene.with_options(until=1).validate()
+
+
+def test_laws_are_written_alike_in_calls_and_attributes() -> None:
+    """A text is an expression where the law has no unit; an attribute refused it, with advice for files."""
+    scene = Scene(gravity=(0, 0, 0), periodic=(1, 1, 1))
+    made = scene.contact("a", "a", friction="0.1 + 0.2*exp(-v)", restitution="0.9 - 0.01*v")
+    law = scene.contact("a", "b", friction=0.1, restitution=0.5)
+    law.friction, law.restitution = "0.1 + 0.2*exp(-v)", "0.9 - 0.01*v"
+    assert (law.friction, law.restitution) == (made.friction, made.restitution)
+    law.friction = "0.3"
+    assert law.friction == 0.3
+    with pytest.raises(ScenarioError, match='unknown name "t"'):
+        law.friction = "exp(-t)"
+    box = scene.deform(stretch=(1, "exp(-t)", 1), shear="2*t", flow="x", gradient="z")
+    old = (box.stretch, box.shear)
+    box.stretch, box.shear = (1, "exp(-t)", 1), "2*t"  # type: ignore[assignment]
+    assert (box.stretch, box.shear) == old

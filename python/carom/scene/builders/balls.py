@@ -35,7 +35,7 @@ _V = TypeVar("_V")
 
 def make(table: type[_T], label: str, **given: Any) -> _T:
     """A checked table; arguments that are None count as not given."""
-    given = {key: value for key, value in given.items() if value is not None}
+    given = {key: table.spoken(key, value) for key, value in given.items() if value is not None}
     try:
         return table.model_validate(given)
     except ValidationError as e:
@@ -98,8 +98,8 @@ class Builder:
             Contact,
             label,
             between=(a, b),
-            friction=law(friction),
-            restitution=law(restitution),
+            friction=friction,
+            restitution=restitution,
             tangential_restitution=tangential_restitution,
             rolling_radius=rolling_radius,
             spinning_radius=spinning_radius,
@@ -354,8 +354,3 @@ class Builder:
 
 def _own_name(table: Sphere | Clump) -> list[str]:
     return [table.name]
-
-
-def law(value: float | str | Mapping[str, Any]) -> float | Mapping[str, Any]:
-    """A law in the words of a scenario: a text is an expression."""
-    return {"expression": value} if isinstance(value, str) else value

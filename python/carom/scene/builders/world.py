@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from carom.scene.arguments import explained
-from carom.scene.builders.balls import Builder, law, make
+from carom.scene.builders.balls import Builder, make
 from carom.scene.tables.deformation import Deformation
 
 Law = float | str | Mapping[str, Any]
@@ -37,8 +35,8 @@ class Deformer(Builder):
         deformation = make(
             Deformation,
             "Scene.deform",
-            stretch=[law(value) for value in stretch] if np.iterable(stretch) else stretch,
-            shear=None if shear is None else law(shear),
+            stretch=stretch,
+            shear=shear,
             flow=flow,
             gradient=gradient,
         )

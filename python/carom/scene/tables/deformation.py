@@ -22,6 +22,7 @@ class Deformation(Table):
     """How a periodic box deforms: its vectors are those at the start times F = diag(stretch) + shear along flow."""
 
     section: ClassVar[str] = "deformation"
+    formulas = ("stretch", "shear")
 
     stretch: Annotated[LawVec3, LawVector("t", "number", POSITIVE)] | None = key(
         "lengths along x, y, z over those at the start: numbers or laws of the time t that are 1 at the start",

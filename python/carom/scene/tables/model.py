@@ -113,6 +113,7 @@ class Contact(Table):
     """The contact law of a pair of materials. Every pair that can meet needs one."""
 
     section: ClassVar[str] = "contact"
+    formulas = ("friction", "restitution")
 
     between: Annotated[tuple[str, str], Pair()] = key(
         "the two materials, in any order; the same twice for contact among equals",
