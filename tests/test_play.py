@@ -342,3 +342,61 @@ def test_a_scenario_has_its_own_table_and_balls(
     with pytest.raises(SystemExit, match="2"):
         main(["play", str(tmp_path / "two.toml"), *options])
     assert f"has its own table and balls; leave out {named}, or the scenario" in capsys.readouterr().err
+
+
+def test_a_scene_that_shots_cannot_take_is_refused_before_the_address_is_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page stayed black: the game was served, and no shot of it could be computed."""
+    for add, what in (
+        (lambda scene: scene.drag("all", translation=0.5), "springs or loads"),
+        (lambda scene: setattr(scene.contacts[1], "friction", "0.2 + exp(-v)"), "friction on a level wall"),
+    ):
+        scene = two_balls().scene
+        add(scene)
+        scene.to_toml(tmp_path / "more.toml")
+        with pytest.raises(SystemExit, match="2"):
+            main(["play", str(tmp_path / "more.toml")])
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert "play: option method events does not know " + what in told.err
+        assert "leave them out of the scene" in told.err
+
+
+def test_a_page_that_shows_another_table_is_refused() -> None:
+    """Of two pages on one game the one that stayed behind shot at balls that lay elsewhere by then."""
+    with Server(two_balls(), port=0) as server:
+        ask = Asker(server.url)
+        first = ask("state")[1]["state"]
+        assert ask("aim", {"state": first})[0] == 200
+        second = ask("place", {"ball": "1", "x": 1.2, "y": 0.9, "state": first})[1]["state"]
+        for what, given in (
+            ("aim", {}),
+            ("shoot", {}),
+            ("place", {"ball": "1", "x": 1.3, "y": 0.9}),
+            ("undo", {}),
+        ):
+            code, answer = ask(what, {**given, "state": first})
+            assert (code, answer["error"]) == (
+                409,
+                "The table was changed by another page: it is shown anew.",
+            )
+        assert lie(server.game)["1"][:2] == (1.2, 0.9)
+        third = ask("shoot", {"state": second})[1]["state"]
+        back = ask("undo", {"state": third})[1]
+        assert len({first, second, third, back["state"]}) == 4  # also where the balls lie as before
+        assert back["balls"]["1"] == [1.2, 0.9]
+        assert ask("undo", {})[0] == 200  # a program that keeps no number
+
+
+def test_a_table_that_cannot_be_drawn_is_told(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with Server(two_balls(), port=0) as server:
+
+        def full() -> bytes:
+            raise OSError("No space left on device")
+
+        monkeypatch.setattr(server, "table", full)
+        assert Asker(server.url)("table") == (400, {"error": "No space left on device"})
+    assert "Traceback" not in capfd.readouterr().err

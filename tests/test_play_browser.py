@@ -171,3 +171,34 @@ def test_a_short_shot_plays_as_fast_as_it_is(page: Browser) -> None:
     wait(page, f"play.state().shots > {shots} && play.viewer().running()")
     assert page.evaluate("play.viewer().state().end") < 1.5
     assert page.evaluate("play.viewer().state().speed") == 1
+
+
+def test_a_page_that_stayed_behind_shows_the_table_anew(page: Browser, table: tuple[Server, Browser]) -> None:
+    """Another page moves a ball; this one aims, is told, and shoots only then."""
+    game = table[0].game
+    game.place("1", (1.1, 0.95))
+    assert page.evaluate("play.state().balls['1'][0]") == 1.3
+    for act in (lambda: page.evaluate("play.set({ direction: 0.1 })"), lambda: page.press(" ", " ")):
+        act()
+        wait(page, f"play.state().state === {game.changes} && play.aiming() && !play.asking()")
+        assert "another page" in page.evaluate("document.getElementById('words').textContent")
+        assert game.shots == 0
+        assert page.evaluate("play.state().balls['1']") == [*game.ball("1").position[:2]]
+        shown = page.evaluate("play.viewer().state()")
+        assert shown["positions"][shown["names"].index("1")][:2] == pytest.approx(
+            game.ball("1").position[:2], abs=1e-5
+        )
+        game.place("1", (1.2, 0.95))
+    page.evaluate("play.set({ direction: 0.1 })")
+    wait(page, f"play.state().state === {game.changes} && play.aiming()")
+    shoot(page)
+    assert game.shots == 1
+
+
+def test_balls_at_rest_have_no_time(page: Browser) -> None:
+    """A new game showed "0.017 s of 0.0166667 s, frame 2 / 2, 0.01x"."""
+    frame = "document.querySelector('iframe.shown').contentDocument"
+    shown = f"{frame}.defaultView.getComputedStyle({frame}.getElementById('clock')).visibility"
+    assert page.evaluate(shown) == "hidden"
+    shoot(page)
+    assert page.evaluate(shown) == "visible"

@@ -17,11 +17,15 @@ interface Stroke {
 }
 
 interface State {
+  /** The number of this state of the table. */
+  state: number;
   balls: Record<string, [number, number]>;
   radius: number;
   shots: number;
   undo: boolean;
   words: string;
+  /** Whether the balls lie at rest, and no shot is shown. */
+  still: boolean;
   /** Whether the cue ball was put back after the shot that is shown. */
   back: boolean;
   aim?: Stroke | null;
@@ -123,16 +127,27 @@ class Play {
   }
 
   /** Asks the server to do something, and shows what it answers. */
-  private async act(what: string, given: unknown, play: boolean): Promise<void> {
+  private async act(what: string, given: object, play: boolean): Promise<void> {
     if (this.busy) return;
     this.busy = true;
     try {
-      await this.take(await ask<State>(what, given), play);
+      await this.take(await this.ask<State>(what, given), play);
     } catch (error) {
-      this.say(String((error as Error).message), true);
+      await this.refused(error);
     } finally {
       this.busy = false;
     }
+  }
+
+  /** Asks about the table that is shown: should it no longer be like that, the server says so. */
+  private ask<T>(what: string, given: object): Promise<T> {
+    return ask<T>(what, { ...given, state: this.state.state });
+  }
+
+  /** Says what was in the way; where it is that another page changed the table, it is shown anew. */
+  private async refused(error: unknown): Promise<void> {
+    if (error instanceof Stale) await this.take(await ask<State>("state"), false);
+    this.say(String((error as Error).message), true);
   }
 
   private async take(state: State, play: boolean): Promise<void> {
@@ -153,8 +168,16 @@ class Play {
     frame.src = `table?${Date.now()}`;
     return new Promise((done) => {
       frame.addEventListener("load", async () => {
+        if (!ready(frame)) {
+          frame.remove();
+          await ask("table").catch((error: Error) => this.say(error.message, true));
+          return done();
+        }
         const { carom, document: page } = frame.contentWindow as Window;
         await carom.ready;
+        // Of balls at rest there is nothing to play.
+        const clock = page.querySelectorAll<HTMLElement>("#track, .group:has(#play), #clock, .speed");
+        if (this.state.still) clock.forEach((part) => (part.style.visibility = "hidden"));
         for (const id of ["fit", "top", "side", "end"] as const) {
           page.getElementById(id)!.addEventListener("click", () => (this.preset = id));
         }
@@ -173,7 +196,8 @@ class Play {
   }
 
   private async save(): Promise<void> {
-    const text = await ask<{ name: string; text: string }>("save", this.aim);
+    const text = await this.ask<{ name: string; text: string }>("save", this.aim).catch((error) => this.refused(error));
+    if (!text) return;
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([text.text], { type: "application/toml" }));
     link.download = text.name;
@@ -203,16 +227,20 @@ class Play {
     try {
       while (this.wanted) {
         this.wanted = false;
-        this.sight = await ask<Sight>("aim", this.aim);
+        this.sight = await this.ask<Sight>("aim", this.aim);
         this.answers.push(performance.now());
         if (this.answers.length > 200) this.answers.shift();
       }
     } catch (error) {
       this.sight = undefined;
-      this.say(String((error as Error).message), true);
+      const mine = this.busy; // then its own shot has changed the table, and asks anew
+      this.busy = true;
+      if (!mine) await this.refused(error);
+      this.busy = mine;
     } finally {
       this.asking = false;
     }
+    if (this.wanted) void this.look();
   }
 
   /** Lines of aim in the second before the newest. */
@@ -411,11 +439,22 @@ class Play {
   }
 }
 
+class Stale extends Error {}
+
+/** Whether a frame has the viewer's page, and no refusal, which may not even be looked at. */
+function ready(frame: HTMLIFrameElement): boolean {
+  try {
+    return Boolean((frame.contentWindow as Window).carom);
+  } catch {
+    return false;
+  }
+}
+
 async function ask<T>(what: string, given?: unknown): Promise<T> {
   const options = given === undefined ? {} : { method: "POST", body: JSON.stringify(given) };
   const answer = await fetch(what, options);
   const found = (await answer.json()) as T & { error?: string };
-  if (!answer.ok) throw new Error(found.error ?? answer.statusText);
+  if (!answer.ok) throw new (answer.status === 409 ? Stale : Error)(found.error ?? answer.statusText);
   return found;
 }
 

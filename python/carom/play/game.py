@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.errors import CaromError, did_you_mean, quoted
+from carom.errors import CaromError, ScenarioError, did_you_mean, quoted
 from carom.measure.events import AtRest
 from carom.numeric import is_finite
 from carom.play.sight import Sight
@@ -133,9 +133,18 @@ class Game:
         self.last: Played | None = None
         """The shot that led here; None at the start, and after balls were moved by hand."""
         self.shots = 0
+        self.changes = 0
+        """How often the table was changed: by shots, by hand, and back."""
         self._past: list[tuple[Scene, Aim | None]] = []
-        self._sight: tuple[Scene, Sight] | None = None
         self._rest: tuple[Scene, Result] | None = None
+        try:
+            self._sight = self.scene, self._looking()
+        except ScenarioError:
+            raise
+        except CaromError as error:
+            cause = str(error).partition("; ")[0]
+            cure = "shots are computed by it alone, so leave them out of the scene"
+            raise CaromError(f"play: {cause}; {cure}") from None
 
     @property
     def can_undo(self) -> bool:
@@ -158,9 +167,12 @@ class Game:
 
     def sight(self, aim: Aim) -> dict[str, Any]:
         """The line of aim (`Sight.along`)."""
-        if self._sight is None or self._sight[0] is not self.scene:
-            self._sight = self.scene, Sight(self.scene, CUE, LONGEST_S)
+        if self._sight[0] is not self.scene:
+            self._sight = self.scene, self._looking()
         return self._sight[1].along(aim.strike(self.ball(CUE)))
+
+    def _looking(self) -> Sight:
+        return Sight(self.scene, CUE, LONGEST_S)
 
     # --- playing --------------------------------------------------------------------------------------------------
 
@@ -192,6 +204,7 @@ class Game:
                 lie.append(ball)
         self._past.append((self.scene, aim))
         self.scene, self.last, self.shots = _with_balls(self.scene, lie), played, self.shots + 1
+        self.changes += 1
         if played.shot.scratch:
             self._lay(CUE, self._free())
         return played
@@ -207,6 +220,7 @@ class Game:
                 raise CaromError(f"{name} would overlap {other.name} there")
         self._past.append((self.scene, None))
         self.last = None
+        self.changes += 1
         self._lay(name, at)
 
     def undo(self) -> Aim | None:
@@ -216,6 +230,7 @@ class Game:
         self.scene, aim = self._past.pop()
         self.last = None
         self.shots -= aim is not None
+        self.changes += 1
         return aim
 
     def saved(self, aim: Aim) -> str:

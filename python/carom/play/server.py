@@ -1,7 +1,8 @@
 """The server of `carom play`: the loopback address alone, for who knows its address (`carom.show.viewer.gate`).
 
 The page asks for JSON: `state`, and by POST `aim`, `shoot`, `place`, `undo`, `save`. `table` is the viewer's page of the
-last shot. Requests are answered one after the other.
+last shot. Requests are answered one after the other. Several pages may show one game: a POST names the `state` that its
+page shows, by the number in the answers, and is refused where the table has another one by now.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from carom.errors import CaromError
 from carom.play.game import Aim, Game
 from carom.show.viewer.gate import NAMES, admitted
 
+T = TypeVar("T")
 HOST = NAMES[0]
 PORT = 8090
 MOST_BYTES = 10_000
@@ -36,6 +38,10 @@ POLICY = (
 )
 TABLE_POLICY = "frame-ancestors 'self'"
 """All else the viewer's page says of itself."""
+
+
+class Stale(CaromError):
+    """A page asked for something on a table that no longer is as it shows."""
 
 
 class _Http(ThreadingHTTPServer):
@@ -109,11 +115,13 @@ class Server:
         """What the page knows of the table."""
         game = self.game
         return {
+            "state": game.changes,
             "balls": {ball.name: ball.position[:2] for ball in game.scene.spheres},
             "radius": game.ball("cue").radius,
             "shots": game.shots,
             "undo": game.can_undo,
             "words": self.words,
+            "still": game.last is None,
             "back": game.last is not None and game.last.shot.scratch,
             **more,
         }
@@ -127,7 +135,13 @@ class Server:
             "/undo": self._undo,
             "/save": self._save,
         }.get(path)
-        return None if found is None else found(given)
+        if found is None:
+            return None
+        if isinstance(given, dict) and "state" in given:
+            if given["state"] != self.game.changes:
+                raise Stale("The table was changed by another page: it is shown anew.")
+            given = {name: value for name, value in given.items() if name != "state"}
+        return found(given)
 
     def _aim(self, given: Any) -> dict[str, Any]:
         return self.game.sight(Aim.of(given))
@@ -175,12 +189,11 @@ class Server:
                     name, kind = PAGE[path]
                     self._send(200, (files("carom.play") / "assets" / name).read_bytes(), kind, POLICY)
                 elif path == "/table":
-                    with server._lock:
-                        page = server.table()
-                    self._send(200, page, "text/html", TABLE_POLICY)
+                    if page := self._found(server.table):
+                        self._send(200, page, "text/html", TABLE_POLICY)
                 elif path == "/state":
-                    with server._lock:
-                        self._json(200, server.state())
+                    if state := self._found(server.state):
+                        self._json(200, state)
                 else:
                     self._json(404, {"error": "there is no such page"})
 
@@ -192,14 +205,21 @@ class Server:
                     self.close_connection = True
                     self._json(413, {"error": f"a request has at most {MOST_BYTES} bytes, and says how many"})
                     return
+                body = self.rfile.read(int(size))
+                none = {"error": "there is no such request"}
+                if found := self._found(lambda: server.answer(path, _read(body)) or none):
+                    self._json(200 if found is not none else 404, found)
+
+            def _found(self, ask: Callable[[], T]) -> T | None:
+                """What the game answers, or None after saying what is in the way."""
                 try:
-                    given = _read(self.rfile.read(int(size)))
                     with server._lock:
-                        found = server.answer(path, given)
-                except (CaromError, ValueError, RecursionError) as error:
+                        return ask()
+                except Stale as error:
+                    self._json(409, {"error": str(error)})
+                except (CaromError, ValueError, RecursionError, OSError, MemoryError) as error:
                     self._json(400, {"error": str(error)})
-                    return
-                self._json(200 if found else 404, found or {"error": "there is no such request"})
+                return None
 
             def _admitted(self) -> str | None:
                 """The path behind the token, or None after a refusal."""
