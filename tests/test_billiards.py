@@ -174,7 +174,8 @@ def test_wrong_strikes_are_told() -> None:
             {"speed": 1.0, "side": "5 mm"},
             "side must be a finite number of radii of the ball, found '5 mm'; give a number",
         ),
-        ({"speed": 1.0, "elevation": 5}, "below 90 deg, found 5 rad; write '5 deg'"),
+        ({"speed": 1.0, "elevation": 5}, "below 90 deg, found 286.479 deg"),
+        ({"speed": 1.0, "elevation": math.pi / 2}, "below 90 deg, found 90 deg$"),
         ({"speed": 1.0, "elevation": -0.1}, "below 90 deg, found -5.72958 deg$"),  # no more in degrees
         ({"speed": 1.0, "direction": (1.0, 0.0, -0.2)}, "a cue that points down has an elevation"),
         ({"speed": "20 mhp"}, "did you mean mph"),
@@ -283,6 +284,22 @@ def test_stop_and_draw() -> None:
     assert event is not None
     assert event.time == pytest.approx(t, abs=2e-4)
     assert np.abs(result["cue"].velocity[:, 1]).max() < 1e-10
+
+
+def test_rolling_friction_acts_on_sliding_balls_too() -> None:
+    """The moment rho m g turns a ball that slides on, and brakes one that is drawn back: 7/2 mu -+ 5/2 rho/r for 7/2 mu."""
+    t, mu, rho = table("9ft", length=60.0, width=20.0, corner_mouth=0.0, side_mouth=0.0), 0.2, 1.4 * 0.01
+    scene = t.scene(until=1.2)
+    r, spin = t.spec.ball_radius, -100.0
+    t.ball(scene, "slides", (10.0, 5.0), velocity=(3.0, 0, 0))
+    t.ball(scene, "draws", (10.0, 15.0), velocity=(1e-9, 0, 0), angular_velocity=(0, spin, 0))
+    rows = carom.simulate(scene).transitions
+    rows = rows.where(rows["event"] == "slip ends")
+    rolls = dict(zip(rows["pair"][:, 0], rows["velocity"][:, 0], strict=True))
+    assert rolls["slides"] == pytest.approx(3.0 * (1 - mu / (3.5 * mu - 2.5 * rho)), rel=1e-9)
+    assert rolls["slides"] / (5 / 7 * 3.0) == pytest.approx(0.98, abs=0.005)
+    assert rolls["draws"] == pytest.approx(mu / (3.5 * mu + 2.5 * rho) * r * spin, rel=1e-6)
+    assert rolls["draws"] / (2 / 7 * r * spin) == pytest.approx(0.95, abs=0.005)
 
 
 def test_rolling_and_spin_decay_as_stated() -> None:

@@ -98,11 +98,21 @@ def test_laws_take_bare_numbers_and_scenes_take_values() -> None:
         ({"spin_deceleration": "8 rad/s^2"}, r"must be a finite number in rad/s\^2, found '8 rad/s\^2'"),
         ({"cloth_friction": -0.3}, "must be 0 or more, found -0.3"),
         ({"ball_friction": -0.06}, "must be 0 or more, found -0.06"),
+        ({"ball_friction": "-v"}, r"is -0.01 at a slip of 0.01 m/s; write max\(0, ...\) around it"),
+        ({"ball_friction": "0.1 - v"}, "is -0.2 at a slip of 0.3 m/s"),
         ({"ball_restitution": 1.5}, "must be from 0 to 1, found 1.5"),
         ({"cushion_restitution": billiards.Value(1.5, "1", "nobody")}, "must be from 0 to 1, found 1.5"),
     ):
         with pytest.raises(CaromError, match=f"Laws: {next(iter(wrong))} {said}"):
             replace(LAWS, **wrong)  # type: ignore[arg-type]
+    for law, said in (
+        ("0.1/v", "has no finite value at v = 0"),
+        ("0.1*t", "unknown name"),
+        ("exp(", "cannot read"),
+    ):
+        with pytest.raises(CaromError, match=f"Laws: ball_friction: {said}"):
+            replace(LAWS, ball_friction=law)
+    assert replace(LAWS, ball_friction="max(0, 0.1 - v)").ball_friction == "max(0, 0.1 - v)"
 
 
 def test_wrong_racks_are_told() -> None:

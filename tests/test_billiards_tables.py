@@ -128,6 +128,10 @@ def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None
         assert kind in repr(t)
     with pytest.raises(CaromError, match="did you mean snooker"):
         table("snoker")
+    with pytest.raises(CaromError, match="name='x' cannot be changed; a table is called as its kind, '9ft'"):
+        table("9ft", name="x")
+    assert table(name="snooker").spec == table("snooker").spec
+    assert table().spec.name == "9ft"
     with pytest.raises(CaromError, match="did you mean nose_height"):
         table("9ft", nose_hight=0.03)
     with pytest.raises(CaromError, match="nose_height must be"):
@@ -150,6 +154,7 @@ def test_all_tables_build_valid_scenes_with_a_rack_and_go_through_toml() -> None
     for call, said in (
         (lambda: t.ball(t.scene(), "b", (1.0,)), r"at must be \(x, y\)"),
         (lambda: t.rack(t.scene(), apex=(1.0, 0.7, 0.1)), r"apex must be \(x, y\), found"),
+        (lambda: t.rack(t.scene(), prefix=None), "prefix must be a text, found None"),  # type: ignore[arg-type]
         (lambda: t.rack(t.scene(), apex=3), r"apex must be \(x, y\)"),  # type: ignore[arg-type]
         (lambda: t.scene(gravity="g"), "gravity must be a finite number"),  # type: ignore[arg-type]
         (lambda: t.scene(laws=3), "laws must be of billiards.Laws"),  # type: ignore[arg-type]
@@ -322,7 +327,8 @@ def test_what_a_pushed_ball_does_is_of_the_shot(run: dict[str, Any]) -> None:
     t.cue_ball(alone, at=(middle, width - 0.3), angular_velocity=(-150, 0, 0))
     t.ball(alone, "1", at=(middle, width - 0.3 + reach))
     assert (
-        str(t.shot(carom.simulate(alone))) == "cue pushes 1 and hits no ball. Gone: 1 (side left). Scratch."
+        str(t.shot(carom.simulate(alone)))
+        == "cue pushes 1 and hits no ball. Gone: 1 (side left). Scratch (side left)."
     )
 
 

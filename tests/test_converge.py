@@ -109,6 +109,27 @@ def test_what_has_no_order_is_refused(steps: list[float], errors: list[float], t
         order_of(steps, errors)
 
 
+def test_errors_are_those_of_spheres() -> None:
+    """Clumps and walls were names that nothing has."""
+    scene = carom.Scene(gravity=(0, 0, -9.8), run={"until": 0.01, "step": 1e-3})
+    scene.contact("m", "m", friction=0.1, restitution=0.5)
+    scene.clump(
+        "c", spheres=[(0, 0, 0, 0.1), (0.1, 0, 0, 0.1)], density=1000, material="m", position=(0, 0, 1)
+    )
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    scene.plane("lid", point=(0, 0, 2), normal=(0, 0, -1), material="m", free={"mass": 1.0})
+    for name, told in (
+        ("c", "it is a clump of the balls c1, c2"),
+        ("floor", "it is a wall, and errors are those of spheres"),
+        ("lid", "it is a free wall, and"),
+        ("c3", "did you mean c1|known: c1, c2"),
+    ):
+        with pytest.raises(
+            carom.CaromError, match=f"position:{name}: no sphere is called '{name}'; ({told})"
+        ):
+            carom.converge(scene, (1e-3, 5e-4), reference=1e-4, quantities=[f"position:{name}"])
+
+
 def test_quantities_are_read() -> None:
     bodies = ["cue", "a:x", "x"]
     assert Quantity.of("velocity", bodies) == Quantity("velocity", "velocity")

@@ -152,11 +152,14 @@ def test_a_scratch_puts_the_cue_ball_back_where_nothing_lies() -> None:
     game = Game(scene)
     played = game.shoot(Aim(direction=float(np.arctan2(y - 0.3, x - 2.2)), speed=1.5))
     assert played.shot.scratch
-    assert "Scratch" in played.words
+    assert "Scratch (foot right)." in played.words
     at = np.array(lie(game)[CUE])
     assert at[0] == table.spots["head spot"][0]
     assert np.linalg.norm(at - lie(game)["1"]) > 2 * cue.radius
     game.shoot(Aim())  # and it can be played from there
+    assert (
+        "Scratch (off the table)." in two_balls().shoot(Aim(direction=0.3, speed=12.0, elevation=0.7)).words
+    )
 
 
 def test_a_pocketed_ball_is_gone_and_comes_back_by_undo() -> None:

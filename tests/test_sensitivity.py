@@ -268,6 +268,16 @@ def test_what_presses_what_is_named() -> None:
             "speed must be a number in SI, found nothing",
         ),
         (lambda speed: speed, {"speed": 1.0}, "the function must return a scene, found float"),
+        (
+            lambda speed: speed,
+            {"w": 1.0},
+            "cannot be called with w alone: missing a required argument: 'speed'",
+        ),
+        (
+            lambda speed=1.0: speed,
+            {"w": 1.0},
+            "cannot be called with w alone: got an unexpected .* argument 'w'",
+        ),
     ],
 )
 def test_functions_and_their_arguments_are_checked(build: Any, to: dict[str, Any], told: str) -> None:

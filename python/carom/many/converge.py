@@ -170,7 +170,10 @@ def converge(
         jobs.append((float(reference), _shared(_positive(reference), instants)))
     else:
         truth = _exact(scene, instants) if reference == EXACT else _truth(reference, scene)
-    wanted = [Quantity.of(text, names) for text in quantities or (truth and truth.offered()) or USUAL]
+    wanted = [
+        Quantity.of(text, names, _others(scene))
+        for text in quantities or (truth and truth.offered()) or USUAL
+    ]
     for quantity in wanted:
         if truth:  # before anything runs
             truth.values(quantity, np.array([0.0 if not at else min(at)]))
@@ -220,6 +223,17 @@ def _coarse(truth: Truth, finest: float) -> list[str]:
 
 def _times(h: float, numbers: I64) -> F64:
     return np.asarray(h * numbers, dtype=np.float64)
+
+
+def _others(scene: Scene) -> dict[str, str]:
+    """Clumps and walls, and what is said of who takes them for spheres."""
+    said = {
+        clump.name: f"it is a clump of the balls {', '.join(clump.ball_names())}" for clump in scene.clumps
+    }
+    for wall in scene._walls():
+        kind = "free wall" if wall.free is not None else "wall"
+        said[wall.name] = f"it is a {kind}, and errors are those of spheres"
+    return said
 
 
 def _positive(h: float) -> float:

@@ -30,8 +30,8 @@ class Quantity:
     axis: str | None = None
 
     @classmethod
-    def of(cls, text: str, bodies: Sequence[str]) -> Quantity:
-        """The quantity that `text` means in a scene with these spheres."""
+    def of(cls, text: str, bodies: Sequence[str], others: Mapping[str, str] | None = None) -> Quantity:
+        """The quantity that `text` means in a scene with these spheres; of `others` it is told what they are."""
         key, *rest = text.strip().split(":")
         if key not in QUANTITIES:
             raise CaromError(f"no quantity is called {key!r}; {did_you_mean(key, list(QUANTITIES))}")
@@ -41,7 +41,8 @@ class Quantity:
             return cls(text.strip(), key)
         name = ":".join(rest)  # a name may hold colons
         if name not in bodies:
-            raise CaromError(f"{text}: no sphere is called {name!r}; {among(name, bodies)}")
+            cure = (others or {}).get(name) or among(name, bodies)
+            raise CaromError(f"{text}: no sphere is called {name!r}; {cure}")
         return cls(text.strip(), key, name, axis)
 
     @property

@@ -13,6 +13,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -182,6 +183,12 @@ def _of_function(
         if not is_finite(x):
             raise CaromError(f"sensitivity: {name} must be a number in SI, found {quoted(x)}")
     value = {str(name): float(x) for name, x in to.items()}
+    try:
+        signature(build).bind(**value)
+    except TypeError as error:
+        raise CaromError(
+            f"sensitivity: the function cannot be called with {', '.join(value)} alone: {error}"
+        ) from None
 
     def made(given: Mapping[str, float]) -> Scene:
         scene = build(**given)

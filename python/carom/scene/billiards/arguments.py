@@ -43,9 +43,7 @@ def angle(
     if not isinstance(value, str) and abs(found) > math.tau:
         raise CaromError(f"{call}: {name}: {found:g} rad is more than a turn; write '{found:g} deg'")
     if not fits(found):
-        meant = not isinstance(value, str) and fits(math.radians(found))
-        told = f"{found:g} rad; write '{found:g} deg'" if meant else f"{math.degrees(found):g} deg"
-        raise CaromError(f"{call}: {name} {span}, found {told}")
+        raise CaromError(f"{call}: {name} {span}, found {math.degrees(found):g} deg")
     return found
 
 

@@ -6,8 +6,12 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any
 
+from pydantic_core import PydanticCustomError
+
 from carom.errors import CaromError
 from carom.scene.billiards.arguments import number
+from carom.scene.tables.fields import NOT_NEGATIVE
+from carom.scene.tables.laws import Law, value_at
 
 INCH = 0.0254
 OUNCE = 0.028349523125
@@ -137,6 +141,10 @@ SNOOKER = ("yellow", "green", "brown", "blue", "pink", "black")
 """Snooker's coloured balls, which have spots of their own."""
 
 
+SLIPS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""At which laws of friction are looked at, m/s: shots have slips up to there."""
+
+
 @dataclass(frozen=True)
 class Laws:
     """Contact laws of a table. A bare number becomes a `Value` in the same unit with the source "given by the caller"."""
@@ -161,7 +169,8 @@ class Laws:
         for field in fields(self):
             given, usual = getattr(self, field.name), field.default
             if isinstance(usual, str) and isinstance(given, str):
-                continue  # a law: the scene reads it
+                _check_friction(field.name, given)
+                continue
             unit = usual.unit if isinstance(usual, Value) else "1"
             value = number("Laws", field.name, given, unit="without a unit" if unit == "1" else f"in {unit}")
             most = 1.0 if field.name.endswith("restitution") else math.inf
@@ -191,6 +200,20 @@ class Laws:
     def spinning_radius(self, radius: float, gravity: float) -> float:
         """delta, m: spin about the vertical decays by delta m g/I, I = 2/5 m r^2."""
         return 0.4 * radius * radius * self.spin_deceleration / gravity
+
+
+def _check_friction(name: str, given: str) -> None:
+    """Refuse a law of the slip speed that cannot be read, or is negative at one that a shot may have."""
+    try:
+        law = Law("v", bounds=NOT_NEGATIVE).check({"expression": given})
+    except PydanticCustomError as error:
+        told = error.context or {}
+        raise CaromError(f"Laws: {name}: {told['cause']}; {told['cure']}") from None
+    for slip in SLIPS:
+        if not (mu := value_at(law, slip)) >= 0:
+            raise CaromError(
+                f"Laws: {name} is {mu:.4g} at a slip of {slip:g} m/s; write max(0, ...) around it"
+            )
 
 
 LAWS = Laws()

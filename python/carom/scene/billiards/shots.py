@@ -69,8 +69,7 @@ class Shot:
         gone = [f"{ball.ball} ({ball.pocket})" for ball in self.pocketed if ball.ball != self.cue]
         if gone:
             told.append(f"Gone: {', '.join(gone)}.")
-        if self.scratch:
-            told.append("Scratch.")
+        told += [f"Scratch ({ball.pocket})." for ball in self.pocketed if ball.ball == self.cue]
         return " ".join(told)
 
     @staticmethod

@@ -42,12 +42,18 @@ class Pocketed:
     time: float
 
 
-def table(name: str = "9ft", **changes: Any) -> Table:
-    """A table by name, `7ft`, `8ft`, `9ft`, `snooker` or `carom`; `changes` are fields of `Spec`: `nose_height="37 mm"`.
+def table(kind: str | None = None, /, **changes: Any) -> Table:
+    """A table by name, `7ft`, `8ft`, `9ft`, `snooker` or `carom`, the third without one; `changes` are fields of `Spec`:
+    `nose_height="37 mm"`.
 
     Lengths, angles and the mass are numbers in SI or texts with a unit: `corner_angle="142 deg"`.
     `table("9ft", corner_mouth=0.0)` has no pockets.
     """
+    if kind is not None and "name" in changes:
+        raise CaromError(
+            f"table: name={changes['name']!r} cannot be changed; a table is called as its kind, {kind!r}"
+        )
+    name = changes.pop("name", "9ft") if kind is None else kind
     if name not in TABLES:
         raise CaromError(f"no table is called {name!r}; {did_you_mean(str(name), list(TABLES))}")
     known = list(Spec.__dataclass_fields__)
@@ -163,6 +169,8 @@ class Table:
         `order`, "8-ball", "9-ball" or "10-ball", places them by the WPA's rules and draws the rest by `seed`; without it
         they are numbered row by row. `gap`, `jitter` and `seed` are those of `rack_places`. Balls are returned by number.
         """
+        if not isinstance(prefix, str):
+            raise CaromError(f"rack: prefix must be a text, found {prefix!r}")
         if order is None:
             numbers = list(range(1, 1 + sum(rows_of(15 if balls is None else balls))))
         else:
