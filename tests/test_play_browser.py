@@ -202,3 +202,18 @@ def test_balls_at_rest_have_no_time(page: Browser) -> None:
     assert page.evaluate(shown) == "hidden"
     shoot(page)
     assert page.evaluate(shown) == "visible"
+
+
+def test_a_table_that_cannot_be_drawn_leaves_the_old_one(
+    page: Browser, table: tuple[Server, Browser], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> bytes:
+        raise OSError("No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(table[0], "table", full)
+        page.press(" ", " ")
+        wait(page, "document.getElementById('words').textContent.includes('No space left')")
+    wait(page, "play.aiming()")
+    page.press("u", "u")
+    wait(page, "play.state().shots === 0 && play.aiming()")
