@@ -188,9 +188,9 @@ class Block:
 
         `every = 1` is no advice for intervals of one step; `missing` is a key of [record] without which nothing is judged.
         """
-        kept, several = self.kept[k], self.n[k] > 1
+        kept, several = self.kept[k], (self.n[k] > 1) & (not self.run.divides)
         whole = self.single[k] & bool(missing)
-        finer = "use nsga or moreau" if self.run.method == "penalty" else "a smaller step"
+        finer = {"penalty": "use nsga or moreau", "events": "use nsga"}.get(self.run.method, "a smaller step")
         for cure, chosen in (
             ("resume the run", ~kept),
             (" and ".join(filter(None, (missing, "every = 1"))) + " in [record]", kept & several),

@@ -334,9 +334,11 @@ def passivity(block: Block, tally: Tally) -> None:
     # So do loads of clumps, which act half-way.
     spin = _within(block)[1]
     turned = turned + norm(c.impulse) * forces.together(block, norm(flights.half_way(block)[:, :-1]) * spin)
+    stepped = (run.method != "events") | (block.total(run.steps["stepped"]) > 0.0)
+    once = run.loads_once_within & stepped[c.k]
     # Joints hold to the tolerance, and what they push against that is work.
     held = np.where(groups.held(block)[c.k, c.a], works.bound(block, c), 0.0)
-    given = columns.sum(axis=1), np.abs(columns).sum(axis=1), turned * run.loads_once + held
+    given = columns.sum(axis=1), np.abs(columns).sum(axis=1), turned * once + held
     work, size, off = (np.bincount(mine, of[rows], minlength=len(group)) for of in given)
     problems = block.total(run.steps["impact_problems"] + 1.0)[k]
     top = block.over(run.steps["energy_kinetic"])[k]

@@ -32,7 +32,7 @@ from carom.scene.assembly.held_apart import HeldApart, held_apart
 from carom.scene.assembly.triangles import Triangles
 from carom.scene.scene import Scene
 from carom.scene.tables.impact_laws import LAWS, ImpactLaw
-from carom.scene.tables.options import MOST_PROBLEMS, loads_once
+from carom.scene.tables.options import MOST_PROBLEMS, loads_once, stepping
 
 LEVELS = ("smooth", "position", "velocity")
 
@@ -327,6 +327,11 @@ class Run:
     def loads_once(self) -> bool:
         """Whether loads were solved once, for velocities and positions (`audit.loads_once`)."""
         return loads_once(self.options)
+
+    @property
+    def loads_once_within(self) -> bool:
+        """The same of the steps that were made: those of `events`, while bodies press one another, are of `nsga`."""
+        return loads_once(stepping(self.options))
 
     @property
     def impact_law(self) -> ImpactLaw:

@@ -62,6 +62,7 @@ def judge(block: Block, tally: Tally) -> None:
     _recorded(block, tally, rows.of(~whole & ~piled))
     whole = answers.sure(block, tally, "impact", whole, rows)
     _ends(block, tally, rows.of(seen), group)
+    _said(block, tally, rows.of(seen))
     remained = np.zeros(len(rows), dtype=bool)
     if run.has_contacts:
         summed = seen[~piled[seen] & block.kept[rows.k[seen]]]
@@ -124,6 +125,21 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     left = 2.0 * own * (8.0 * block.tolerance * np.sqrt(squares))[final.k]
     off = np.abs(final.separation - _motion(block, final).normal)
     tally.measure("impact speeds", off, 640.0 * EPS * scale + left, hits.place(block, final))
+
+
+def _said(block: Block, tally: Tally, r: Hits) -> None:
+    """A contact is said to stick, or slip, as the last of its impacts is."""
+    run = block.run
+    if not run.has_contacts:
+        return
+    last = np.zeros(len(block.rows), dtype=np.int64)
+    contact, known = r.contacts(block)
+    np.maximum.at(last, contact[known], r.problem[known])
+    sure = known & ~block.cascaded[r.k] & ~block.companion[r.k] & block.kept[r.k]
+    sure[known] &= r.problem[known] == last[contact[known]]
+    told = block.rows.status[contact[sure]]
+    one = r.of(sure)
+    tally.measure("slip", np.where(told == one.status, 0.0, norm(one.impulse)), 0.0, hits.place(block, one))
 
 
 def _missing(block: Block, tally: Tally) -> None:
@@ -250,20 +266,20 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     shown = (block.n == 1)[r.k] & run.has_contacts
     why = "loads may have changed the speeds between the recorded ones by more than the speeds of the impact"
     block.skip(tally, "impact", why, r.k[blunt & ~shown], missing)
-    tally.skip("impact", why, "a smaller step", int((blunt & shown).sum()))
+    block.skip(tally, "impact", why, r.k[blunt & shown])
     sharp = np.flatnonzero(~blunt)
     tally.measure("impact", value[sharp], bound[sharp], hits.place(block, r.of(sharp)))
 
 
 def _turned(block: Block, r: Hits) -> F64:
     """(K,) m/s by which the recorded speeds of loads that are solved once differ from those of their law, which holds along
-    another normal.
+    another normal; also of those within steps of `events` in which bodies pressed one another.
     """
     run, other = block.run, np.minimum(r.b, block.run.bodies - 1)
     _, start = run.meet(block.t0[r.k], r.a, r.b, block.x0[r.k, r.a], block.x0[r.k, other])
     fast = forces.speeds(block) + recorded.strokes(block)[0] / run.mass
     both = fast[r.k, r.a] + np.where(r.b < run.bodies, fast[r.k, other], 0.0)
-    return np.where((r.problem == 0) & run.loads_once, norm(r.normal - start) * both, 0.0)
+    return np.where((r.problem == 0) & run.loads_once_within, norm(r.normal - start) * both, 0.0)
 
 
 def _taken_back(block: Block, r: Hits) -> F64:

@@ -356,6 +356,9 @@ def _wall_moments(block: Block, tally: Tally, given: F64, rows: Bool) -> None:
     hit = block.over(run.steps["impact_problems"])[k] > 0
     known = block.tolerance[k] if run.has_impacts else 1.0
     unknown = np.where(hit & run.loads_once, known, 0.0)
+    # One problem after the loads may push without an impact; what moved no place is of either.
+    either = hit & run.loads_once & (not run.impact_law.loads_first)
+    unknown[either & ~c.position_impulse[rows].any(axis=1)] = 1.0
     add_at(slack, (k, b), unknown * norm(half_way - lever) * norm(impulse))
     if run.cohesive:
         _pulled_moments(block, summed, size)
