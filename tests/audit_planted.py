@@ -24,11 +24,12 @@ from audit_faults import planted
 from carom import audit
 from carom.result.record.layout import ATTRIBUTES, MEANINGS
 
-#: Runs with all that the auditor knows: free balls, a pile problem by problem, joints.
+#: Runs with all that the auditor knows: free balls, a pile problem by problem, joints, no step at all.
 RUNS = {
     "break": (scenes.break_, 0.25, {"walls": True}),
     "pile": (scenes.pile, 0.25, {"impacts": "every", "walls": True}),
     "joined": (scenes.joined, 0.5, {"walls": True}),
+    "events": (scenes.break_, 0.25, {"method": "events"}),
 }
 SHARE = 0.01
 """By how much a value is off, of itself."""
@@ -123,7 +124,8 @@ def named(run: Path, places: int) -> Iterator[Fault | Callable[[h5py.File], None
             values = file[column][...]
             size = np.nan_to_num(np.abs(values.astype(float))).ravel()
             told = np.flatnonzero(size > 0.0) if column != "frames/orientation" else np.arange(values.size)
-            for at in dict.fromkeys(told[np.linspace(0, len(told) - 1, places).astype(int)].tolist()):
+            ranks = np.linspace(0, len(told) - 1, places if len(told) else 0)
+            for at in dict.fromkeys(told[ranks.astype(int)].tolist()):
                 row = tuple(int(i) for i in np.unravel_index(at, values.shape))
                 yield Fault(column, f"row {row[0]}", row, SHARE * float(size.max()) if by == SHARE else 0.0)
 

@@ -16,6 +16,7 @@ from carom.audit import (
     clumps,
     cones,
     counts,
+    courses,
     energy,
     flows,
     gaps,
@@ -24,6 +25,7 @@ from carom.audit import (
     kinds,
     motion,
     references,
+    springs,
     tables,
     tunnel,
     works,
@@ -98,6 +100,8 @@ def _judge(run: Run, tally: Tally) -> None:
         cones.passivity(block, tally)
         works.judge(block, tally)
         impacts.judge(block, tally)
+        courses.judge(block, tally)
+        springs.judge(block, pairs, tally)
         energy.judge(block, pairs, tally)
         tunnel.judge(block, pairs, tally)
         joints.judge(block, tally)

@@ -2,7 +2,8 @@
 
     contacts            not below the rows of /contacts of the frame after one whole step (closed ones may push nothing), and
                         of nsga all pairs with an impulse or a gap within the touching tolerance, no more and no fewer,
-                        and with loads solved once (algorithm, section 12) some of those that touched before
+                        and with loads solved once (algorithm, section 12) some of those that touched before;
+                        of moreau all pairs that overlap in the middle of the step, and these are its candidates
     islands, largest_island     the groups that these make        candidates: pairs near after the smooth motion
     impact_problems     not below the number of any problem in /impacts          restitution_scale: the least of theirs
     truncated           not 0 where /impacts has the problem that ends a sequence
@@ -49,6 +50,9 @@ def judge(run: Run, tally: Tally) -> None:
         tally.measure("energy record", brought, 0.0, lambda i: run.step_place(i + 1))
     if not _works(run):
         tally.measure("energy record", np.abs(s["energy_work"]), 0.0, lambda i: run.step_place(i + 1))
+    if run.method == "moreau":  # which looks at what is closed in the middle of the step, and at nothing else
+        off = s["candidates"] != s["contacts"]
+        tally.measure("counts", off, 0.0, lambda i: run.step_place(i + 1), ~run.cut)
     if run.has_impacts:
         _impacts(run, tally)
     _histories(run, tally)
@@ -77,7 +81,8 @@ def _impacts(run: Run, tally: Tally) -> None:
     np.maximum.at(highest, step - 1, problem)
     np.minimum.at(least, step - 1, np.asarray(table["restitution_scale"]))
     if run.method == "penalty":
-        tally.measure("counts", (least != 1.0).sum(), 0.0, lambda i: run.frame_place(0))
+        scaled = (np.asarray(table["restitution_scale"]) != 1.0).sum() + (s["restitution_scale"] != 1.0).sum()
+        tally.measure("counts", scaled, 0.0, lambda i: run.frame_place(0))
         return
     # Where no sequence was cut there is none.
     uncut = s["truncated"][step[ended] - 1] == 0
@@ -138,23 +143,30 @@ def of_frames(block: Block, near: Near, tally: Tally) -> None:
 
 def _closed(block: Block, near: Near, tally: Tally) -> None:
     """Closed contacts, the groups that they make, and the largest of these: pairs with an impulse, or with a gap at the end
-    of the step within the touching tolerance. Gaps at that tolerance to rounding may count or not, and so may contacts
-    that have come apart since the loads were solved with them.
+    of the step within the touching tolerance, of Moreau-Jean with an overlap in the middle of the step. Gaps at that
+    tolerance to rounding may count or not, and so may contacts that have come apart since the loads were solved with them.
     """
     run, n = block.run, block.run.bodies
-    if run.method != "nsga" or not run.has_contacts:
+    # Which part of a mesh is touched in the middle of a step no frame shows.
+    known = run.method == "nsga" or (run.method == "moreau" and not run.parts.meshes)
+    if not known or not run.has_contacts:
         return
     judged = block.single & block.kept & block.there.all(axis=1)
     length = np.minimum(run.radius[near.a], run.length[np.minimum(near.b, n)])
-    touching = run.held_to("touching_tolerance")
+    touching, gap = run.held_to("touching_tolerance"), near.gap1
     noise = np.abs(block.x1[near.k, near.a]).max(axis=1) + run.radius[near.a]
     noise = 16.0 * EPS * (noise + run.lengths(block.t1[near.k]))
     lawful = run.law_index(near.a, near.b) >= 0
     many, c = len(run.names), block.rows
     pushed = (c.k * many + c.a) * many + c.b
+    if run.method == "moreau":  # what only the projection pushed is not counted
+        pushed = pushed[norm(c.impulse) > 0.0]
+        middle = block.x0 + 0.5 * run.h * block.v0
+        x, y = middle[near.k, near.a], middle[near.k, np.minimum(near.b, n - 1)]
+        gap = run.meet(block.t0[near.k] + 0.5 * run.h, near.a, near.b, x, y)[0]
     own = (near.k * many + near.a) * many + near.b
-    sure = np.union1d(pushed, own[lawful & (near.gap1 <= min(touching) * length - noise)])
-    unsure = near.gap1 <= max(touching) * length + noise
+    sure = np.union1d(pushed, own[lawful & (gap <= min(touching) * length - noise)])
+    unsure = gap <= max(touching) * length + noise
     if run.loads_once:
         loads = closing.given(block)
         loads = np.maximum(loads[near.k, near.a], loads[near.k, run.given(near.b)])

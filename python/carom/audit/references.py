@@ -72,6 +72,11 @@ def _frames(run: Run, tally: Tally) -> None:
 def _rows(run: Run, tally: Tally) -> None:
     """Contacts and impacts are of a ball and of a ball or wall of a higher number, impacts and events of steps in order."""
     segments, last = run.result._segments, len(run.steps["step"])
+    # Parts of meshes have numbers from 0 on, 7 for each triangle; other bodies have none.
+    least, most = np.full((2, run.bodies + run.given_walls), -1)
+    for w, wall in run.parts.meshes.items():
+        assert wall.mesh is not None
+        least[run.bodies + w], most[run.bodies + w] = 0, 7 * len(wall.mesh.corners) - 1
     for table in ("contacts", "impacts", *(["impulses"] if len(run.result.impulses) else [])):
         body = segments.column(table, "body")
         for first in range(0, len(body), ROWS):
@@ -83,6 +88,9 @@ def _rows(run: Run, tally: Tally) -> None:
                 _count(tally, (status < 0) | (status > 2), f"/{table}/status")
             if not wrong.any():
                 _count(tally, run.law_index(a, b) < 0, f"/{table}/body")
+                if table != "impulses" and "part" in segments.columns(table):
+                    part = _whole(segments.column(table, "part")[first : first + ROWS])
+                    _count(tally, (part < least[b]) | (part > most[b]), f"/{table}/part")
     for rows in (run.result.impacts, run.result.impulses):
         _count(tally, _disordered(_whole(rows["step"]), 1, last), f"/{rows.name}/step")
     events = run.result.events

@@ -93,11 +93,13 @@ def _clock(run: Run, tally: Tally) -> None:
         at = np.asarray(table["step"]).astype(np.int64)
         if not at.size:
             continue
-        late = np.asarray(table["time"]) - at * h
+        time = np.asarray(table["time"])
+        back = np.maximum(0.0, -np.diff(time, prepend=time[0]))
+        late = time - at * h
         if run.method == "events":  # whose impacts lie within the step
             slack = 2.0 * EPS * at * h
             late = np.where((-h - slack <= late) & (late <= 0.0), 0.0, late)
-        off = np.abs(late) + h * ((at > len(number)) | (np.diff(at, prepend=0) < 0))
+        off = np.abs(late) + back + h * ((at > len(number)) | (np.diff(at, prepend=0) < 0))
         tally.measure("clock", off, 2.0 * EPS * at * h, _steps(run, at))
     ends = np.asarray(run.result._segments.column("frames", "contact_end")).astype(np.int64)
     tally.measure("clock", (np.diff(ends, prepend=0) < 0) * h, 0.0, run.frame_place)
