@@ -62,7 +62,7 @@ def judge(block: Block, tally: Tally) -> None:
     _recorded(block, tally, rows.of(~whole & ~piled))
     whole = answers.sure(block, tally, "impact", whole, rows)
     _ends(block, tally, rows.of(seen), group)
-    _said(block, tally, rows.of(seen))
+    _said(block, tally, rows.of(seen), group)
     remained = np.zeros(len(rows), dtype=bool)
     if run.has_contacts:
         summed = seen[~piled[seen] & block.kept[rows.k[seen]]]
@@ -127,16 +127,24 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     tally.measure("impact speeds", off, 640.0 * EPS * scale + left, hits.place(block, final))
 
 
-def _said(block: Block, tally: Tally, r: Hits) -> None:
-    """A contact is said to stick, or slip, as the last of its impacts is."""
+def _said(block: Block, tally: Tally, r: Hits, group: I64) -> None:
+    """A contact is said to stick, or slip, as its impact is in the last problem of its `group`: in a later one it may have
+    had no impulse, and no row.
+    """
     run = block.run
     if not run.has_contacts:
         return
-    last = np.zeros(len(block.rows), dtype=np.int64)
+    last = np.zeros(group.max(initial=-1) + 1, dtype=np.int64)
+    np.maximum.at(last, group, r.problem)
     contact, known = r.contacts(block)
-    np.maximum.at(last, contact[known], r.problem[known])
-    sure = known & ~block.cascaded[r.k] & ~block.companion[r.k] & block.kept[r.k]
-    sure[known] &= r.problem[known] == last[contact[known]]
+    sure = (
+        known
+        & (r.problem == last[group])
+        & ~block.large[r.k]
+        & ~block.cascaded[r.k]
+        & ~block.companion[r.k]
+        & block.kept[r.k]
+    )
     told = block.rows.status[contact[sure]]
     one = r.of(sure)
     tally.measure("slip", np.where(told == one.status, 0.0, norm(one.impulse)), 0.0, hits.place(block, one))
