@@ -95,6 +95,62 @@ def test_decay_times_are_those_of_the_bodies_that_move() -> None:
     assert "moreau" not in clump.validate()[0].cure  # which has no clumps
 
 
+@pytest.mark.filterwarnings("ignore::carom.errors.CaromWarning")
+@pytest.mark.parametrize("rho", [0.9, 0.95])
+@pytest.mark.parametrize("z", [1.9, 2.1, 3.0])
+def test_velocities_of_nsga_overshoot_0_where_the_advice_says(rho: float, z: float) -> None:
+    scene = slowed("drag", z, spectral_radius=rho)
+    velocity = carom.simulate(scene)["x"].velocity[:, 0]
+    advice = scene.validate()
+    assert (velocity[1] < 0) == bool(advice)
+    assert abs(velocity[20]) < 0.01
+    for one in advice:
+        assert "velocities overshoot 0" in one.cause
+        assert "follows its way to 1 %" in one.cure
+
+
+@pytest.mark.filterwarnings("ignore::carom.errors.CaromWarning")
+def test_a_body_is_slowed_by_all_that_acts_on_it() -> None:
+    """In four equal parts a drag or a damper is the whole; dampers across one another do not add up."""
+    told = {kind: slowed(kind, 6.0).validate()[0].cause for kind in ("drag", "damper")}
+    drags, dampers, across = (slowed("drag", 1e-3) for _ in range(3))
+    for k in range(4):
+        drags.drag(on="x", translation=1.5 * MASS / STEP)
+        dampers.spring("x", "ground", points=[(0, 0, 0), (-10 - k, 0, 0)], damping=1.5 * MASS / STEP)
+    for axis in np.eye(3).tolist():
+        across.spring("x", "ground", points=[(0, 0, 0), axis], damping=1.5 * MASS / STEP)
+    for scene, kind in ((drags, "drag"), (dampers, "damper")):
+        (advice,) = scene.validate()
+        assert advice.cause == told[kind]
+        assert advice.key == {"drag": "translation", "damper": "damping"}[kind]
+    assert across.validate() == []
+
+
+@pytest.mark.filterwarnings("ignore::carom.errors.CaromWarning")
+def test_drag_on_the_balls_of_a_clump_slows_its_turning() -> None:
+    """With the moment J and arms r it turns by `w T`, `T = J/(c sum r^2)`, and by what the scheme adds."""
+    inertia, drag = 1e-5, 10.0
+    arms = [(0, 0.1), (0, -0.1), (0.1, 0), (-0.1, 0)]
+    scene = Scene(gravity=(0, 0, 0), run={"step": STEP, "until": 0.05})
+    scene.contact("m", "m", friction=0, restitution=1)
+    spheres = [[0, 0, 0, 0.02], *([x, y, 0, 0.02] for x, y in arms)]
+    scene.clump(
+        "k",
+        spheres=spheres,
+        mass=0.1,
+        inertia=(inertia,) * 3,
+        position=(0, 0, 0),
+        angular_velocity=(0, 0, 0.1),
+        material="m",
+    )
+    scene.drag(on="all", translation=drag)
+    (advice,) = scene.validate()
+    time = inertia / (drag * sum(x * x + y * y for x, y in arms))
+    assert decay_time(scene) == pytest.approx(time, rel=1e-2)
+    w, *_, z = carom.simulate(scene).clumps["k"].orientation[-1]
+    assert f"goes {2 * np.arctan2(z, w) / (0.1 * time):.3g} times as far" in advice.cause
+
+
 @pytest.mark.parametrize("options", [{}, {"method": "moreau"}, {"method": "moreau", "theta": 1.0}])
 def test_a_run_whose_energy_rises_by_drag_names_the_drag(options: dict[str, Any]) -> None:
     with pytest.warns(

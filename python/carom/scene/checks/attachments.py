@@ -159,12 +159,13 @@ def _broken(
 
 def _fast_springs(parts: Whole) -> Iterator[Finding]:
     step = parts.run.step
-    for i, spring, inverse in springs(parts):
-        period = 2.0 * math.pi / math.sqrt(spring.stiffness * inverse) if spring.stiffness > 0 else math.inf
+    for held in springs(parts):
+        rate = held.spring.stiffness * held.inverse_mass
+        period = 2.0 * math.pi / math.sqrt(rate) if rate > 0 else math.inf
         if step * FEW_STEPS > period:
             cause = f"its period is about {period:.3g} s, {period / step:.2g} steps of {step:g} s"
             cure = f"a step below {period / FEW_STEPS:.1g} s follows it"
-            yield Finding(("spring", i, "stiffness"), cause, cure)
+            yield Finding(("spring", held.number, "stiffness"), cause, cure)
 
 
 def _friction(parts: Parts) -> Iterator[Finding]:

@@ -31,6 +31,8 @@ class Carrier(NamedTuple):
     centre: F64
     axes: F64 | None
     """Unit quaternion (4,), w first, from the principal axes to the fixed ones; None of a ball, which has none."""
+    arms: F64
+    """(n, 3) from the centre to those of its balls, in the principal axes, m."""
     velocity: F64
     angular_velocity: F64
 
@@ -42,12 +44,10 @@ class Carrier(NamedTuple):
         """The opposite."""
         return vector if self.axes is None else rotated(self.axes, vector)
 
-    def inverse_mass(self, point: F64, along: F64) -> float:
-        """1/kg, of a force at a point (3,) along a unit vector (3,): a clump may be turned far more easily than moved."""
-        if self.axes is None:
-            return 1.0 / self.mass
+    def lever(self, point: F64, along: F64) -> F64:
+        """(6,) what a unit impulse at a point (3,) along a unit vector (3,) does to `sqrt(m) v` and `sqrt(J) w`."""
         arm = self.turning(np.cross(point - self.centre, along))
-        return float(1.0 / self.mass + (arm * arm / self.moments).sum())
+        return np.concatenate([self.turning(along) / np.sqrt(self.mass), arm / np.sqrt(self.moments)])
 
 
 class Carriers:
@@ -76,26 +76,48 @@ class Carriers:
                 (j, j, j),
                 bodies.position[ball],
                 None,
+                np.zeros((1, 3)),
                 bodies.velocity[ball],
                 bodies.angular_velocity[ball],
             )
-        balls, clump = self._clumps[ball]
-        body = clump.body()
-        return Carrier(
-            balls.start,
-            balls,
-            clump.name,
-            body.mass,
-            body.moments,
-            clump.middle(),
-            product(clump.turn(), body.axes),
-            np.array(clump.velocity),
-            np.array(clump.angular_velocity),
-        )
+        return clump_carrier(*self._clumps[ball])
 
 
-def springs(parts: Parts) -> Iterator[tuple[int, Spring, float]]:
-    """Each spring with its place, and the inverse mass between its ends along it, 1/kg."""
+def clump_carrier(balls: range, clump: Clump) -> Carrier:
+    """A clump whose balls have these numbers."""
+    body = clump.body()
+    arms = np.array(clump.spheres)[:, :3] - body.centre
+    return Carrier(
+        balls.start,
+        balls,
+        clump.name,
+        body.mass,
+        body.moments,
+        clump.middle(),
+        product(clump.turn(), body.axes),
+        rotated_back(np.array(body.axes), arms),
+        np.array(clump.velocity),
+        np.array(clump.angular_velocity),
+    )
+
+
+class Held(NamedTuple):
+    """A spring between bodies."""
+
+    number: int
+    """Its place among the tables."""
+    spring: Spring
+    ends: list[tuple[Carrier, F64]]
+    """The bodies, and their levers along it."""
+
+    @property
+    def inverse_mass(self) -> float:
+        """1/kg, between its ends along it: a body may be turned far more easily than moved."""
+        return float(sum(lever @ lever for _, lever in self.ends))
+
+
+def springs(parts: Parts) -> Iterator[Held]:
+    """Each spring with what it holds."""
     listed = parts.tables(Spring)
     if not listed:
         return
@@ -104,6 +126,7 @@ def springs(parts: Parts) -> Iterator[tuple[int, Spring, float]]:
     for i, spring in listed:
         a, b, *points = spring_ends(spring, bodies, number)
         span = points[0] - points[1]
-        along = span / (float(np.linalg.norm(span)) or 1.0)
-        ends = zip((a, b), points, strict=True)
-        yield i, spring, sum(carriers.of(k).inverse_mass(at, along) for k, at in ends if k != GROUND_INDEX)
+        size = float(np.linalg.norm(span))
+        along = span / size if size else np.array([1.0, 0.0, 0.0])
+        held = [(carriers.of(k), at) for k, at in zip((a, b), points, strict=True) if k != GROUND_INDEX]
+        yield Held(i, spring, [(carrier, carrier.lever(at, along)) for carrier, at in held])
