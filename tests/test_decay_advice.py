@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -179,7 +180,7 @@ def test_a_law_without_a_value_stops_the_run_or_is_stepped_over(step: float, sto
         carom.simulate(scene)
 
 
-def test_a_sweep_tells_each_advice_once(tmp_path: Path) -> None:
+def test_a_sweep_tells_each_advice_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("pyarrow", "scipy"):
         pytest.importorskip(name, reason="the extra [cluster] is not installed")
     text = slowed("drag", 1.0, until=0.01).to_toml().replace("translation = 100.0", 'translation = "= c"')
@@ -188,3 +189,10 @@ def test_a_sweep_tells_each_advice_once(tmp_path: Path) -> None:
     with pytest.warns(CaromWarning, match="case 2: .*motion decays in 1e-06 s") as told:
         carom.sweep(study, tmp_path / "out", workers=0)
     assert len(told) == 1
+    monkeypatch.setattr(Scene, "validate", lambda _: pytest.fail("a scene was validated again"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = carom.sweep(study, tmp_path / "out", workers=0)  # which has nothing to compute
+    scene = found.scene(1)
+    scene.spheres[0].radius = 1.0
+    assert found.scene(1).spheres[0].radius == study.targeting.base.spheres[0].radius == 0.01

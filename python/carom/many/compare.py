@@ -292,7 +292,7 @@ def compare(
     if clash := sorted({"every", *(k for o in chosen.values() for k in o)} & options.keys()):
         cure = "name it with the method, as nsga+one-shot" if clash != ["every"] else "give the times with at"
         raise CaromError(f"{clash[0]} is set by the comparison; {cure}")
-    scene = scene.with_options(**options) if options else scene
+    scene = scene.overridden(options, dict.fromkeys(options, "compare")) if options else scene
     if scene.run.until is None:
         raise CaromError("the scenario does not say how long to simulate; give until")
     h = scene.run.step

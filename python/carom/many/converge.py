@@ -151,14 +151,14 @@ def converge(
     """
     scene = scene_of(scene, "converge", case=case, parameters=parameters)
     at = [float(at)] if isinstance(at, (int, float)) else [float(t) for t in at]
-    scene = scene.with_options(**options) if options else scene
+    scene = scene.overridden(options, dict.fromkeys(options, "converge"))
     chosen = sorted(dict.fromkeys(_positive(h) for h in steps), reverse=True)
     if len(chosen) < 2:
         raise CaromError("give at least two different steps: an order is a slope")
     end = until if until is not None else max(at, default=scene.run.until or 0.0)
     if not 0 < end < math.inf:
         raise CaromError("the scenario does not say how long to simulate; give until")
-    scene = scene.with_options(until=end)
+    scene = scene.overridden({"until": end}, {"until": "converge"})
     scene.validate()
     if at and not all(0 <= t <= end for t in at):
         raise CaromError(f"at: give times from 0 to the end of the runs, {end:g} s")
@@ -270,7 +270,7 @@ def _exact(scene: Scene, instants: Mapping[float, I64]) -> Frames:
     if h is None:
         raise CaromError("the steps have no common part; take them from one row, as 1e-2,5e-3,2e-3")
     numbers = np.unique(np.concatenate([own * round(coarse / h) for coarse, own in instants.items()]))
-    [(states, run)] = _run_all(scene.with_options(method=EXACT), [(h, numbers)], 1)
+    [(states, run)] = _run_all(scene.overridden({"method": EXACT}, {"method": "converge"}), [(h, numbers)], 1)
     if not run.ok:
         raise CaromError(f"method events is no reference here, it stops: {run.outcome.replace('_', ' ')}")
     return Frames("method events", scene.names, _times(h, numbers), states, None)
@@ -309,7 +309,7 @@ def _run_all(
     scene: Scene, jobs: Sequence[tuple[float, I64]], threads: int | None
 ) -> list[tuple[dict[str, F64], StepRun]]:
     """All runs, in the order of the jobs. Those with most steps begin first, so that none is left alone at the end."""
-    models = {h: scene.with_options(step=h).to_model() for h, _ in jobs}
+    models = {h: scene.overridden({"step": h}, {"step": "converge"}).to_model() for h, _ in jobs}
     stop = threading.Event()
     with ThreadPoolExecutor(threads or usable_processors()) as pool:
         begun = {

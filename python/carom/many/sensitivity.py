@@ -216,7 +216,9 @@ def _exact(scene: Scene, options: Mapping[str, Any]) -> Scene:
         warnings.warn(told, CaromWarning, stacklevel=4)
     scene = scene.overridden({**options, "method": "events"}, dict.fromkeys(options, "sensitivity"))
     until, step = scene.run.until, scene.run.step
-    return scene.with_options(step=until / max(1, whole_steps(until, step))) if until else scene
+    if not until:
+        return scene
+    return scene.overridden({"step": until / max(1, whole_steps(until, step))}, {"step": "sensitivity"})
 
 
 def _bodies(scene: Scene) -> list[str]:

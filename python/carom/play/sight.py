@@ -34,7 +34,8 @@ class Sight:
         self._names = scene.names
         self._cue = self._names.index(cue)
         self._longest = longest
-        self._core = Run(scene.with_options(step=LOOK_S, until=longest)).simulation
+        options = {"step": LOOK_S, "until": longest}
+        self._core = Run(scene.overridden(options, dict.fromkeys(options, "carom.play"))).simulation
         self._rest = self._core.state()
 
     def along(self, struck: Strike) -> dict[str, Any]:

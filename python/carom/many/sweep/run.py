@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,8 +79,9 @@ def sweep(
     with folder.driving():
         if told := folder.other_study(study):
             warnings.warn(told, CaromWarning, stacklevel=2)
-        for advice in study.targeting.advice():
-            warnings.warn(advice, CaromWarning, stacklevel=2)
+        if missing(study, folder.outcomes(), retry_failed):
+            for advice in study.targeting.advice():
+                warnings.warn(advice, CaromWarning, stacklevel=2)
         with Team.of(workers, scheduler) as team:
             return complete(study, folder, team, retry_failed, progress)
 
@@ -101,6 +102,12 @@ class Team:
             yield cls(count, compute)
 
 
+def missing(study: Study, outcomes: Mapping[str, str], retry_failed: bool) -> list[int]:
+    """The cases that are still to be computed, by number."""
+    there = {name for name, outcome in outcomes.items() if outcome == "done" or not retry_failed}
+    return [k for k, name in enumerate(study.ids) if name not in there]
+
+
 def complete(
     study: Study,
     folder: Folder,
@@ -110,10 +117,10 @@ def complete(
 ) -> Sweep:
     """Compute the cases of a study that the folder lacks; whoever calls this is driving the folder."""
     before = folder.outcomes()
-    done = [name for name in study.ids if name in before and (before[name] == "done" or not retry_failed)]
-    there = set(done)
-    missing = [k for k, name in enumerate(study.ids) if name not in there]
-    if missing and (told := origin.remark(folder.origins(done), origin.here())):
+    lacking = missing(study, before, retry_failed)
+    left = set(lacking)
+    done = [name for k, name in enumerate(study.ids) if k not in left]
+    if lacking and (told := origin.remark(folder.origins(done), origin.here())):
         warnings.warn(told, CaromWarning, stacklevel=3)
     state = Progress(len(done), sum(before[name] != "done" for name in done), study.cases, 0, 0.0)
     start = time.perf_counter()
@@ -126,8 +133,8 @@ def complete(
             progress(state)
 
     try:
-        if missing:
-            team.compute(_pieces(study, folder, missing, team.workers, retry_failed), note)
+        if lacking:
+            team.compute(_pieces(study, folder, lacking, team.workers, retry_failed), note)
     finally:  # also after Ctrl-C: the table holds what there is
         table = folder.gather(study)
         found = Sweep(folder.path, study, table, state)
@@ -135,12 +142,12 @@ def complete(
     return found
 
 
-def _pieces(study: Study, folder: Folder, missing: list[int], workers: int, retry: bool) -> list[Job]:
-    size = max(1, min(MOST_CASES, -(-len(missing) // (PIECES * max(1, workers)))))
+def _pieces(study: Study, folder: Folder, lacking: list[int], workers: int, retry: bool) -> list[Job]:
+    size = max(1, min(MOST_CASES, -(-len(lacking) // (PIECES * max(1, workers)))))
     if study.keep_runs or study.measure is not None:
         size = max(1, size // 10)
     whole = Job("", str(folder.path), study, tuple(study.ids))
-    jobs = [cluster.piece(whole, missing[k : k + size]) for k in range(0, len(missing), size)]
+    jobs = [cluster.piece(whole, lacking[k : k + size]) for k in range(0, len(lacking), size)]
     if retry:  # under another name: what failed is in the part of the old one
         jobs = [Job(f"again{int(time.time()):x}{job.key}", job.folder, job.study, job.ids) for job in jobs]
     return jobs

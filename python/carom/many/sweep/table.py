@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -126,7 +127,7 @@ class Sweep:
 
     def scene(self, case: int) -> Any:
         """The scene of a case, to simulate it again with everything recorded."""
-        return self.study.targeting.scene(range(self.study.cases)[case])
+        return copy.copy(self.study.targeting.scene(range(self.study.cases)[case]))
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a data frame."""

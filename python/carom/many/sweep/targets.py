@@ -7,10 +7,9 @@ next to nothing per case (`carom.many.cases`); for the other two the scene is bu
 
 from __future__ import annotations
 
-import copy
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ import numpy as np
 from carom import units
 from carom._core import Expression, ExpressionError
 from carom.arrays import F64
-from carom.errors import CaromError, did_you_mean, only_once, quoted
+from carom.errors import CaromError, Problem, did_you_mean, only_once, quoted
 from carom.many.batch_result import KINEMATICS
 from carom.many.cases import Overrides, refuse_numbers
 from carom.scene.scene import Scene
@@ -59,6 +58,8 @@ class Targets:
     of_file: Mapping[str, str]
     of_run: Mapping[str, str]
     of_arrays: Mapping[str, str]
+    _found: dict[int, list[Problem]] = field(default_factory=dict, compare=False, repr=False)
+    """What cases that were validated are warned of."""
 
     @classmethod
     def of(
@@ -125,7 +126,7 @@ class Targets:
         first: CaromError | None = None
         for case in np.unique(np.linspace(0, cases - 1, min(cases, MOST_TRIED)).astype(int)):
             try:
-                self.scene(int(case)).validate()
+                self._validated(int(case))
             except CaromError as error:
                 first = first or error
             else:
@@ -139,13 +140,18 @@ class Targets:
         told = set()
         for case in dict.fromkeys((0, len(next(iter(self.points.values()))) - 1)):
             try:
-                found = self.scene(case).validate()
+                found = self._validated(case)
             except CaromError:
                 continue  # a row of its own
             for one in found:
                 if (place := (one.where, one.line, one.key)) not in told:
                     told.add(place)
                     yield f"case {case}: {one}"
+
+    def _validated(self, case: int) -> list[Problem]:
+        if case not in self._found:
+            self._found[case] = self.scene(case).validate()
+        return self._found[case]
 
     def check_units(self, quantities: Mapping[str, str | None]) -> None:
         """Refuse values whose unit is of another dimension than the place that they go to by themselves."""
@@ -221,8 +227,8 @@ class Targets:
         return not self.of_file and not self.of_run
 
     def scene(self, case: int) -> Scene:
-        """The scene of a case, as it would be simulated by itself."""
-        scene = read = copy.copy(self.of_text(case))
+        """The scene of a case, as it would be simulated by itself. What it holds may be that of `base`."""
+        scene = read = self.of_text(case).overridden({}, {})
         if self.of_arrays:
             scene = Overrides(scene, self.values(self.of_arrays, range(case, case + 1))).scene(0)
         assert read._source is not None  # `parse` has made it
