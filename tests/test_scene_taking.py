@@ -41,6 +41,25 @@ def test_balls_are_taken_to_the_last_bit(settled: carom.Result) -> None:
     assert carom.Scene.from_toml(scene.to_toml()) == scene
 
 
+@pytest.mark.parametrize("name", ["ball", "rod"])
+def test_a_name_that_is_taken_leaves_the_scene_as_it_was(name: str) -> None:
+    scene = carom.Scene(run={"step": 1e-3, "until": 0.01})
+    scene.contact("m", "m", friction=0.1, restitution=0.5)
+    scene.sphere("first", radius=0.01, mass=1, position=(2, 0, 0), material="m")
+    scene.sphere("ball", radius=0.01, mass=1, position=(1, 0, 0), material="m")
+    spheres = [[0, 0, 0, 0.01], [0.015, 0, 0, 0.01]]
+    scene.clump("rod", spheres=spheres, mass=1, position=(0, 0, 0), material="m")
+    run = carom.simulate(scene)
+    other, before = (carom.Scene(run={"step": 1e-3, "until": 0.01}) for _ in range(2))
+    for made in (other, before):
+        made.sphere(name, radius=0.01, mass=1, position=(3, 0, 0), material="n")
+    with pytest.raises(carom.CaromError, match=f'there is already a sphere, clump or wall "{name}"'):
+        other.spheres_from(run)
+    assert other == before
+    other.spheres[0].name = "other"
+    assert [one.name for one in other.spheres_from(run)] == ["first", "ball", "rod"]
+
+
 def test_a_time_names_the_nearest_frame(settled: carom.Result) -> None:
     scene = tray()
     scene.spheres_from(settled, time=0.11)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import CaromError, CaromWarning
-from carom.scene.builders.balls import Builder
+from carom.scene.builders.balls import Builder, make
 from carom.scene.checks.walls import touching
 from carom.scene.tables.balls import Sphere
 from carom.scene.tables.clumps import Clump
@@ -62,14 +62,17 @@ class Taker(Builder):
             state["velocity"] = (np.asarray(result.velocity[frame]) - flow).tolist()
         there = np.flatnonzero(np.asarray(result.present[frame])).tolist()
         parts = {k for clump in result.clumps.values() for k in clump.numbers.tolist()}
-        taken: list[Sphere | Clump] = []
+        label = "Scene.spheres_from"
+        spheres: list[Sphere] = []
         for k in there:
             if k in parts:
                 continue
             radius, mass, inertia = bodies["radius"][k], bodies["mass"][k], bodies["inertia"][k]
-            taken.append(
-                self.sphere(
-                    result.names[k],
+            spheres.append(
+                make(
+                    Sphere,
+                    label,
+                    name=result.names[k],
                     radius=radius,
                     mass=mass,
                     inertia=None if inertia == 0.4 * mass * radius * radius else inertia,
@@ -77,19 +80,24 @@ class Taker(Builder):
                     **{name: values[k] for name, values in state.items()},
                 )
             )
+        clumps: list[Clump] = []
         for clump, table in zip(result.clumps.values(), result.scene.clumps, strict=True):
             if not clump.present[frame]:
                 continue
-            self._take_name(table.name, "Scene.spheres_from")
-            self.material(table.material)
             placed = table.placed(clump.position[frame], clump.orientation[frame])
             placed.velocity = clump.velocity[frame]
             if box is not None and box.deforms:
                 placed.velocity = clump.velocity[frame] - box.flow_velocity(clump.position[frame])
             placed.angular_velocity = clump.angular_velocity[frame]
-            self._tree.clump.append(placed)
-            taken.append(placed)
-        return tuple(taken)
+            clumps.append(placed)
+        taken = (*spheres, *clumps)
+        for one in taken:  # all names before anything is added: a scene is left as it was where one is taken
+            self._take_name(one.name, label)
+        for material in dict.fromkeys(one.material for one in taken):
+            self.material(material)
+        self._tree.sphere.extend(spheres)
+        self._tree.clump.extend(clumps)
+        return taken
 
 
 def _warn_of_overlaps(result: RunData) -> None:
