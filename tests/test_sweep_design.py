@@ -258,6 +258,23 @@ class TestQuantities:
                 carom.Study.of(scenario, **given)
             assert f"parameters.{name}: {told}" in str(caught.value)
 
+    @pytest.mark.parametrize(
+        ("key", "told"),
+        [
+            ("v", 'expected a quantity like "1 m/s", found "1 kg"'),
+            ("step", 'expected a time, found "1 kg"'),
+            ("cue.velocity.y", 'expected a speed, found "1 kg"'),
+            ("ball/bed.friction", 'found "1 kg"'),
+        ],
+    )
+    def test_units_fit_where_set_passes_a_value_on(self, key: str, told: str, files: Path) -> None:
+        scenario = files / "slide.toml"
+        scenario.write_text(scenario.read_text().replace("v = 1.0", 'v = "1 m/s"'))
+        with pytest.raises(CaromError) as caught:
+            carom.Study.of(scenario, {"w": ["1 kg"]}, set={key: "= w"})
+        assert "parameters.w: " in str(caught.value)
+        assert told in str(caught.value)
+
     def test_units_are_free_where_set_computes_with_the_values(self, files: Path) -> None:
         study = carom.Study.of(
             files / "slide.toml", {"mass": ["2 m"], "t": ["1 s"]}, set={"cue.velocity.y": "= mass/t"}

@@ -154,22 +154,23 @@ class Targets:
         return self._found[case]
 
     def check_units(self, quantities: Mapping[str, str | None]) -> None:
-        """Refuse values whose unit is of another dimension than the place that they go to by themselves."""
+        """Refuse values whose unit is of another dimension than a place that they go to unchanged."""
         of_file = parameters.quantities(tomllib.loads(self.text))
-        for name, text in quantities.items():
-            if text is None:
-                continue
-            quantity = next((part for part in name.split(".")[::-1] if part not in tuple("wxyz")), "")
-            is_option = self.of_run.get(quantity) == name
-            owners: list[type[Table]] = [*SINGLE.values()] if is_option else [Sphere, Contact]
-            owner = next((table for table in owners if quantity in table.model_fields), None)
-            try:
-                if self.of_file.get(name) == name:
-                    units.parse(text, like=of_file.get(name))
-                elif owner and (is_option or name in self.of_arrays):
-                    units.parse(text, parameters.dimension_of(owner, quantity))
-            except units.UnitError as error:
-                raise CaromError(f"parameters.{name}: {error}") from error
+        for targets in (self.of_file, self.of_run, self.of_arrays):
+            owners: list[type[Table]] = [*SINGLE.values()] if targets is self.of_run else [Sphere, Contact]
+            for key, expression in targets.items():
+                name = expression.strip().removeprefix("=").strip()
+                if (text := quantities.get(name)) is None:
+                    continue
+                quantity = next((part for part in key.split(".")[::-1] if part not in tuple("wxyz")), "")
+                owner = next((table for table in owners if quantity in table.model_fields), None)
+                try:
+                    if targets is self.of_file:
+                        units.parse(text, like=of_file.get(key))
+                    elif owner:
+                        units.parse(text, parameters.dimension_of(owner, quantity))
+                except units.UnitError as error:
+                    raise CaromError(f"parameters.{name}: {error}") from error
 
     def _check_effects(self, case: int) -> None:
         """Refuse parameters of the file that do nothing, since the study itself sets all that the file uses them for."""
