@@ -208,6 +208,12 @@ def test_what_is_no_number_of_steps_and_no_choice_is_refused() -> None:
     for step in (2.9, -1, 2**62, [1, 2]):
         with pytest.raises(carom.CaromError, match="step must be one whole number from 0 to 10"):
             sim.restore(sim.state() | {"step": np.array(step)})
+    with pytest.raises(carom.CaromError, match=r"step must be one whole number.*found \[1, \[2\]\]"):
+        sim.restore(sim.state() | {"step": [1, [2]]})
+    for key in ("monitor_int", "warm_key"):
+        shape = (1, *sim.state()[key].shape[1:])
+        with pytest.raises(carom.CaromError, match=f"restore: {key} must be 0 or more, found -1"):
+            sim.restore(sim.state() | {key: np.full(shape, -1)})
     with pytest.raises(carom.CaromError, match="beyond step 10"):
         sim.step(2**62)
     with pytest.raises(carom.CaromError, match=r"^carom\.Simulation: keep must be True or False, found 'no'"):

@@ -2,7 +2,7 @@
 
 Method `events` computes a motion to rounding, so that central differences of it are exact but for their own step. Two of
 them, with a step and its half, leave an error of fourth order. It is below their difference, which also shows what
-rounding does in the runs. The step is the one of the least difference.
+rounding does in the runs. The step is the one with the least sum of this and what rounding of the ends does.
 
 A motion depends smoothly on what it begins with only as long as the same events follow one another. They are in the
 table of transitions: a difference whose runs have other events than the shot itself does not count.
@@ -42,8 +42,8 @@ STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 PLACES = (1.0, -1.0, 0.5, -0.5)
 #: Error of a derivative over its size from which no smaller step is tried.
 ENOUGH = 1e-10
-ROUNDING = 2.0 * 3.0 * float(np.finfo(float).eps)
-"""Twice that of the four ends, in the weights of the differences: (4 * 2 + 1)/3. Times of impacts are rounded as well."""
+ROUNDING = 4.0 * 3.0 * float(np.finfo(float).eps)
+"""Four times that of the four ends, in the weights of the differences: (4 * 2 + 1)/3. Times of impacts are rounded, too."""
 OTHER = "other events follow: a hit grazes, two happen at one time, or a ball that lies still begins to move"
 OF_A_FUNCTION = "let a function build the scene, and name its argument"
 PRESS, RELEASE, SPIN_ENDS = (Transitions.EVENTS.index(event) for event in ("press", "release", "spin ends"))

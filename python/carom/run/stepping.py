@@ -26,7 +26,6 @@ from carom.run.sinks import Interrupt, Recorder
 from carom.run.watch import State
 from carom.scene.assembly.arrays import identify
 from carom.scene.checks.areas import first_area_to_go
-from carom.scene.checks.moving_walls import FASTEST
 from carom.scene.plan import MOST_STEPS
 
 if TYPE_CHECKING:
@@ -38,6 +37,8 @@ if TYPE_CHECKING:
 _CALLED = "carom.Simulation"
 #: Its keywords besides those of `[run]` and `[record]`.
 _OWN = ("case", "parameters", "keep")
+#: The core's bound (`outcome.rs`), one for m/s and rad/s: what moves or turns faster has blown up.
+_FASTEST = 1e12
 
 
 class _Last(Sink):
@@ -61,7 +62,10 @@ def _origin(model: Mapping[str, Any]) -> dict[str, Array]:
 
 def _whole(step: object) -> Array:
     """The number of steps that a state has made."""
-    made = np.ravel(np.asarray(step))
+    try:
+        made = np.ravel(np.asarray(step))
+    except ValueError:  # rows of unlike lengths
+        made = np.empty(0)
     if len(made) == 1 and made.dtype.kind in "iuf" and 0 <= made[0] <= MOST_STEPS and made[0] == int(made[0]):
         return made.astype(np.uint64)
     raise CaromError(f"restore: step must be one whole number from 0 to 10^12, found {step!r}")
@@ -84,6 +88,8 @@ def _rows(key: str, value: object, like: Array) -> Array:
             and array.ndim
             and shape[1:] == like.shape[1:]
         ):
+            if like.dtype.kind == "u" and (array < 0).any():
+                raise CaromError(f"restore: {key} must be 0 or more, found {array.min()}")
             return array.astype(like.dtype, copy=False)
         found = f"{array.dtype} {shape}" if shape else type(value).__name__
     wanted = ", ".join(["n", *map(str, like.shape[1:])])
@@ -92,9 +98,9 @@ def _rows(key: str, value: object, like: Array) -> Array:
 
 def _refuse_too_fast(key: str, motion: Array, unit: str) -> None:
     """Raise for what the next step would take for a motion that has left the numbers."""
-    if FASTEST < (fast := float(np.abs(motion).max(initial=0.0))) < np.inf:
+    if _FASTEST < (fast := float(np.abs(motion).max(initial=0.0))) < np.inf:
         row = int(np.abs(motion).max(axis=1).argmax())
-        cause = f"row {row} of {key} has {fast:g} {unit}, more than the {FASTEST:g} {unit} of any run"
+        cause = f"row {row} of {key} has {fast:g} {unit}, more than the {_FASTEST:g} {unit} of any run"
         raise CaromError(f"restore: {cause}; strike with less")
 
 

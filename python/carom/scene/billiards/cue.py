@@ -35,7 +35,6 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any
 
 import numpy as np
 
@@ -93,8 +92,21 @@ def cue_impulse(
     textbook's, which loses no energy. With `end_mass`, the mass of the shaft's front end (kg), the ball squirts: it starts
     off the line of the cue, away from the side on which it is struck, also upwards if struck low; without it, along the cue.
     """
-    tip: tuple[Any, ...] = (speed, ball_speed, side, height, elevation, cue_mass, restitution, end_mass)
-    return _struck("cue_impulse", radius, mass, inertia, direction, *tip)
+    return _struck(
+        "cue_impulse",
+        radius=radius,
+        mass=mass,
+        inertia=inertia,
+        direction=direction,
+        speed=speed,
+        ball_speed=ball_speed,
+        side=side,
+        height=height,
+        elevation=elevation,
+        cue_mass=cue_mass,
+        restitution=restitution,
+        end_mass=end_mass,
+    )
 
 
 def strike(
@@ -126,9 +138,21 @@ def strike(
                 f" found {direction!r}; a cue that points down has an elevation"
             )
         direction = math.atan2(y, x)
-    of_ball = ball.radius, ball.mass_kg(), ball.inertia_kg_m2()
-    tip: tuple[Any, ...] = (speed, ball_speed, side, height, elevation, cue_mass, restitution, end_mass)
-    found = _struck("strike", *of_ball, direction, *tip)
+    found = _struck(
+        "strike",
+        radius=ball.radius,
+        mass=ball.mass_kg(),
+        inertia=ball.inertia_kg_m2(),
+        direction=direction,
+        speed=speed,
+        ball_speed=ball_speed,
+        side=side,
+        height=height,
+        elevation=elevation,
+        cue_mass=cue_mass,
+        restitution=restitution,
+        end_mass=end_mass,
+    )
     ball.velocity = tuple(found.velocity.tolist())
     ball.angular_velocity = tuple(found.angular_velocity.tolist())
     return found
@@ -136,6 +160,7 @@ def strike(
 
 def _struck(
     call: str,
+    *,
     radius: float | str,
     mass: float | str,
     inertia: float | str,
