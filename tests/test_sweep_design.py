@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -316,3 +317,22 @@ class TestPlaces:
         assert carom.Study.of(files / "slide.toml", {"mu": [0.1, 0.2]}).targeting.scene(1).wall_names == [
             "bed"
         ]
+
+    def test_all_cases_have_the_mesh_as_it_was_read(self, files: Path) -> None:
+        """Also in a worker; and rows with another mesh are other rows."""
+        floor, bed = files / "floor.obj", SCENARIO[SCENARIO.index("[[plane]]") :]
+        floor.write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n")
+        mesh = '[[mesh]]\nname = "bed"\nmaterial = "ball"\nfile = "floor.obj"\n'
+        (files / "slide.toml").write_text(SCENARIO.replace(bed, mesh))
+
+        def study() -> carom.Study:
+            return carom.Study.of(files / "slide.toml", {"mu": [0.1, 0.2]}, check=False)
+
+        first, same = study(), study()
+        assert first.ids == same.ids
+        floor.write_text("v -1 -1 -2\nv 1 -1 -2\nv 0 1 -2\nf 1 2 3\n")
+        for read in (first, pickle.loads(pickle.dumps(first))):
+            for case in range(2):
+                vertices = read.targeting.scene(case).to_model()["meshes"][0]["vertices"]
+                assert np.all(vertices[:, 2] == 0)
+        assert not set(study().ids) & set(first.ids)

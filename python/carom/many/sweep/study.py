@@ -187,6 +187,11 @@ class Study:
             "bodies": self.bodies,
             "measure": identity_of(self.measure),
         }
+        if surfaces := self.targeting.surfaces:
+            content["meshes"] = [
+                hashlib.sha256(made.vertices.tobytes() + made.corners.tobytes()).hexdigest()
+                for made in surfaces.values()
+            ]
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
     @cached_property

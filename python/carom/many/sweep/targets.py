@@ -22,6 +22,8 @@ from carom.arrays import F64
 from carom.errors import CaromError, Problem, did_you_mean, only_once, quoted
 from carom.many.batch_result import KINEMATICS
 from carom.many.cases import Overrides, refuse_numbers
+from carom.scene.assembly import mesh_files
+from carom.scene.assembly.triangles import Triangles
 from carom.scene.scene import Scene
 from carom.scene.tables import parameters
 from carom.scene.tables.balls import Sphere
@@ -58,7 +60,7 @@ class Targets:
     of_file: Mapping[str, str]
     of_run: Mapping[str, str]
     of_arrays: Mapping[str, str]
-    _found: dict[int, list[Problem]] = field(default_factory=dict, compare=False, repr=False)
+    _found: dict[int, list[Problem]] = field(default_factory=dict, init=False, compare=False)
     """What cases that were validated are warned of."""
 
     @classmethod
@@ -101,6 +103,11 @@ class Targets:
     def expressions(self) -> dict[str, dict[str, str]]:
         """All of them, for the identity of a study."""
         return {"file": dict(self.of_file), "run": dict(self.of_run), "arrays": dict(self.of_arrays)}
+
+    @property
+    def surfaces(self) -> dict[tuple[str, bool], Triangles]:
+        """Those of mesh files, which all cases have as they were when the study was read."""
+        return {key: made for mesh in self.base._tree.mesh for key, made in mesh.read.items()}
 
     def check(self) -> None:
         """Refuse names and places that are wrong, and what is wrong with all cases, before anything is computed.
@@ -259,7 +266,8 @@ class Targets:
 
     def _of_parameters(self, parameters: Mapping[str, float], case: int) -> Scene:
         """The scene of the file with these values, and with the options of a case."""
-        scene = Scene._of(*parse(self.text, self.source, self.case, parameters, self.folder))
+        with mesh_files.kept(self.surfaces):
+            scene = Scene._of(*parse(self.text, self.source, self.case, parameters, self.folder))
         varied = {k: _whole(float(v[0])) for k, v in self.values(self.of_run, range(case, case + 1)).items()}
         places = {**dict.fromkeys(self.run, RUN), **dict.fromkeys(varied, VARIED)}
         return scene.overridden({**self.run, **varied}, places) if places else scene

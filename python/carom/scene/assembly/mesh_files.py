@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,6 +20,26 @@ THIN = 1e-10
 """Least height over the longest edge of a triangle that has a direction, as in the core (`mesh.rs`)."""
 NAMED = 5
 """Bad triangles that a message names."""
+
+
+KEPT: ContextVar[Mapping[tuple[str, bool], Triangles]] = ContextVar("KEPT")
+"""Surfaces that were read before, by file and `clean`: files of these are not looked at."""
+
+
+def surface(path: str, *, clean: bool) -> Triangles:
+    """The triangles of a file, or those kept of it."""
+    kept = KEPT.get({}).get((path, clean))
+    return kept if kept is not None else checked(*read(path), clean=clean)
+
+
+@contextmanager
+def kept(surfaces: Mapping[tuple[str, bool], Triangles]) -> Iterator[None]:
+    """Within it these are what their files hold."""
+    token = KEPT.set(surfaces)
+    try:
+        yield
+    finally:
+        KEPT.reset(token)
 
 
 def read(path: str | Path) -> tuple[F64, I64]:

@@ -90,7 +90,7 @@ class Taker(Builder):
                 placed.velocity = clump.velocity[frame] - box.flow_velocity(clump.position[frame])
             placed.angular_velocity = clump.angular_velocity[frame]
             clumps.append(placed)
-        taken = (*spheres, *clumps)
+        taken: tuple[Sphere | Clump, ...] = (*spheres, *clumps)
         for one in taken:  # all names before anything is added: a scene is left as it was where one is taken
             self._take_name(one.name, label)
         for material in dict.fromkeys(one.material for one in taken):

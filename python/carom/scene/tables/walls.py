@@ -363,9 +363,14 @@ class Mesh(Wall):
             assert self.triangles is not None
             return mesh_files.checked(self.vertices, self.triangles, clean=self.clean)
         if self._read is None or self._read[0] != (self.file, self.clean):
-            made = mesh_files.checked(*mesh_files.read(self.file), clean=self.clean)
+            made = mesh_files.surface(self.file, clean=self.clean)
             self._read = ((self.file, self.clean), made)
         return self._read[1]
+
+    @property
+    def read(self) -> dict[tuple[str, bool], Triangles]:
+        """What was read of its file, for `mesh_files.kept`."""
+        return dict([self._read]) if self._read is not None else {}
 
     def pieces(self) -> list[Piece]:
         return [Piece(self.name, (MESH, self._placed), self.point, self.motion, self.point)]
