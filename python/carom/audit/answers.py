@@ -183,12 +183,17 @@ def before_contacts(block: Block, reading: int = 0) -> F64:
     the moments (`forces`): those of the frame less what the recorded impulses gave.
     """
     sums = forces.of_contacts(block)
-    given = np.concatenate([sums.impulse, sums.moments[reading]], axis=-1).reshape(-1, 6)
-    at = np.flatnonzero((given != 0.0).any(axis=1) & np.repeat(block.single, block.run.bodies))
-    found = np.concatenate([block.v1, block.w1], axis=-1).reshape(-1, 6).copy()
-    where, moved = of_block(block).of(at, given[at])
-    found[where] -= moved
-    return found.reshape(block.count, -1, 6)
+    moved = given(block, np.concatenate([sums.impulse, sums.moments[reading]], axis=-1))
+    return np.concatenate([block.v1, block.w1], axis=-1) - moved
+
+
+def given(block: Block, momenta: F64) -> F64:
+    """(B, N, 6) velocities that momenta (B, N, 6) give in the whole steps of a block; none in other intervals."""
+    flat, found = momenta.reshape(-1, 6), np.zeros((momenta.size // 6, 6))
+    at = np.flatnonzero((flat != 0.0).any(axis=1) & np.repeat(block.single, block.run.bodies))
+    where, moved = of_block(block).of(at, flat[at])
+    add_at(found, (where,), moved)
+    return found.reshape(momenta.shape)
 
 
 def sure(block: Block, tally: Tally, kind: str, chosen: Bool, c: Rows | hits.Hits) -> Bool:

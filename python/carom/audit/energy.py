@@ -6,7 +6,8 @@ Between two frames, with weight alone and whole steps, exactly
     moreau   E' - E = sum of works of contacts + energy_work + in - out - (h/2) g . sum P - (theta - 1/2) h g . sum m dv
 
 where `sum nu` and `sum P` run over what the balls got from contacts: the position correction lifts bodies (nsga), and the
-theta rule moves them by the mean of velocities that contacts changed at its end (moreau). Works are recorded by cause,
+theta rule moves them by the mean of velocities that contacts changed at its end (moreau). So do other loads than the weight
+lift what contacts move (`borne`). Works are recorded by cause,
 relative to moving walls, whose own work (`energy_work`) is taken with the mean of their velocities at both ends of the
 step: the two differ by half of the change of the wall's velocity times its impulses.
 """
@@ -18,7 +19,18 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import answers, box_energy, cohesion, flights, groups, reactions, rigid, turning, wrenches
+from carom.audit import (
+    answers,
+    borne,
+    box_energy,
+    cohesion,
+    flights,
+    groups,
+    reactions,
+    rigid,
+    turning,
+    wrenches,
+)
 from carom.audit.block import Block, Rows, once
 from carom.audit.centres import at_walls, half_way, riding
 from carom.audit.cones import PARTS
@@ -156,7 +168,8 @@ def _balance(block: Block, tally: Tally) -> None:
         lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
         gained = run.mass * dot(block.v1 - block.v0, run.falls)
         change = change + (float(run.options["theta"]) - 0.5) * run.h * gained
-    value = summed(change, lift - work)
+    carried = borne.on_bodies(block)
+    value = summed(change + carried, lift - work)
     outer = np.divmod(label[:, -1], run.bodies + 1)
     # What the steps have of the whole, less all other groups, is the outer one's.
     names = ("energy_kinetic", "energy_potential")
@@ -170,7 +183,7 @@ def _balance(block: Block, tally: Tally) -> None:
         gained = np.where(block.there, run.mass * dot(block.v1 - block.v0, run.falls), 0.0)
         total = total + (float(run.options["theta"]) - 0.5) * run.h * np.nansum(gained, axis=1)
     attracted, unsure = _attracted(block)
-    total = total - attracted - turned.sum(axis=1)
+    total = total - attracted - turned.sum(axis=1) + carried.sum(axis=1)
     value[outer] = total - (value.sum(axis=1) - value[outer])
     impulse, at = norm(c.impulse), together(block, speeds(block))
     moved = norm(c.position_impulse) * norm(run.gravity)

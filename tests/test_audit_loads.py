@@ -1,0 +1,96 @@
+"""The auditor on loads that act through contacts: they work on what contacts give, as the weight does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import carom
+import numpy as np
+import pytest
+from carom import audit
+from carom.audit import borne, energy
+from carom.audit.block import blocks
+from carom.audit.data import Run
+
+DOWN = np.array([0, 0, 2.0, 0, 0, 0])
+STIFF = {"points": [(0, 0, 0), (0, 0, -0.5)], "stiffness": 1000.0}
+
+
+def scene(gravity: float = 9.8) -> carom.Scene:
+    found = carom.Scene("carried", gravity=(0, 0, -gravity))
+    found.contact("b", "b", friction=0.3, restitution=0.5)
+    found.sphere("a", radius=0.01, mass=0.1, at=(0, 0, 0), material="b")
+    return found
+
+
+def lid(found: carom.Scene, **how: object) -> None:
+    found.plane("lid", point=(0, 0, 0.01), normal=(0, 0, -1), material="b", **how)
+
+
+def ball(found: carom.Scene) -> None:
+    found.spring("a", "ground", **STIFF)
+    found.sphere("d", radius=0.01, mass=0.4, at=(0, 0, 0.02), material="b")
+
+
+def free(found: carom.Scene) -> None:
+    found.spring("a", "ground", **STIFF)
+    lid(found, free={"mass": 0.4, "force": 2.0})
+
+
+def driven(found: carom.Scene) -> None:
+    found.spring("a", "ground", **STIFF)
+    lid(found, motion={"translation": [0, 0, {"expression": "-0.01*(1-cos(20*t))"}]})
+
+
+def clump(found: carom.Scene) -> None:
+    balls = [[0, 0, 0, 0.01], [0.02, 0, 0, 0.01]]
+    found.clump("c", spheres=balls, mass=0.1, position=(1, 0, 0), material="b")
+    for k, x in enumerate((1.0, 1.02)):
+        found.spring(f"c{k + 1}", "ground", points=[(x, 0, 0), (x, 0, -0.5)], stiffness=500.0)
+        found.sphere(f"d{k}", radius=0.01, mass=0.4, at=(x + 1e-4 * k, 0, 0.0200001), material="b")
+
+
+def slanted(found: carom.Scene) -> None:
+    ball(found)
+    found.joint("line", body="a", direction=(0.3, 0, 1))
+
+
+def damped(found: carom.Scene) -> None:
+    found.spring("a", "ground", **STIFF, damping=3.0)
+    found.sphere("d", radius=0.01, mass=0.4, at=(0, 0, 0.02), material="b")
+
+
+def function(found: carom.Scene) -> None:
+    found.load_function(lambda t, x, v, w: np.hstack([0.0 * v, 0.0 * w]) - DOWN)
+    found.plane("bed", point=(0, 0, -0.01), normal=(0, 0, 1), material="b")
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("load", [ball, free, driven, clump, slanted, damped, function])
+def test_what_loads_do_through_contacts_is_no_fault(load: Callable[[carom.Scene], None], method: str) -> None:
+    if load is clump and method == "moreau":
+        pytest.skip("clumps need method nsga")
+    found = scene(0.0 if load is function else 9.8)
+    load(found)
+    for step in (1e-3, 2.5e-4):
+        report = audit.check(carom.simulate(found, step=step, until=0.25, method=method))
+        assert report["energy balance"].judged >= 0.25 / step
+        assert report.ok, report
+
+
+@pytest.mark.parametrize("load", [ball, free])
+def test_nothing_is_left_of_what_springs_do_through_contacts(load: Callable[[carom.Scene], None]) -> None:
+    """What is left is what the scheme damps of the swing, and that is of third order in the step."""
+    found, left = scene(), []
+    load(found)
+    for step in (1e-3, 5e-4):
+        result = carom.simulate(found, step=step, until=0.25)
+        run = Run(result)
+        [block] = blocks(run)
+        total = np.diff(np.asarray(result.energy.total)) - np.asarray(result.steps.energy_work)[1:]
+        each = block.rows.work.sum(axis=1) - energy._lifted(run, block.rows, block.rows.position_impulse)
+        works = np.bincount(block.rows.k, each, minlength=block.count)
+        through = borne.on_bodies(block).sum(axis=1)
+        left.append(np.abs(total - (works - through)[1:]).max())
+        assert left[-1] < 0.02 * np.abs(through).max()
+    assert left[1] < 0.15 * left[0]
