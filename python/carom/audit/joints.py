@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.audit import recorded
+from carom.audit import reactions, recorded
 from carom.audit.block import Block, once
 from carom.audit.formula import law
 from carom.audit.loads import of_loads
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm
+from carom.audit.wrenches import groups
 
 
 def judge(block: Block, tally: Tally) -> None:
@@ -71,6 +72,7 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
     pushed = sum(_kicked(block, body) for body in (a, b) if body >= 0)
     floor = 1e3 * t["tolerance"] * (speed + pushed + 1e-3 * run.radius[a] / run.h * t["tolerance"])
     floor = floor + (1e1 * t["tolerance"] + 64.0 * EPS) * _fastest(block)[:, a]
+    floor = floor + 64.0 * EPS * _rung(block, a)
     if (
         run.method == "moreau"
     ):  # rates hold where the smooth motion ends: directions turn by a step from there
@@ -99,6 +101,14 @@ def _fastest(block: Block) -> F64:
         mine = system == one
         speed[:, mine] = speed[:, mine].max(axis=1, keepdims=True)
     return np.asarray(speed)
+
+
+def _rung(block: Block, body: int) -> F64:
+    """(B,) speeds that the filter of the scheme has yet to take back of a body, m/s: its own have their rounding."""
+    run, node = block.run, int(block.run.node[body])
+    [mine] = [k for k, (bodies, _) in enumerate(groups(run)) if node in bodies]
+    lightness = run.heavy[node] ** -0.5 + run.node_reach[node] * run.node_inertia[node] ** -0.5
+    return np.asarray(reactions.rung(block)[mine] * lightness)
 
 
 def _kicked(block: Block, body: int) -> F64:

@@ -189,6 +189,26 @@ def remembered(run: Run, changes: F64) -> F64:
     return found
 
 
+def ringing(run: Run, steps: int) -> tuple[F64, F64]:
+    """Of reactions that change in a step, what is left `n` steps after it (`steps` of them): where directions turn by an
+    angle per step, the part of first order in it, and that of second order.
+
+    Reactions are those whose filtered sum is what the joints ask for: theirs is the inverse of the filter of eqs. 5b and 6c,
+
+        W(z) = (1 - p z)(1 - q z)/(1 - r z),    p = (gamma - 1)/gamma,  q = -rho,  r = -alpha_m/(1 - alpha_m)
+
+    with `z` for a step later. Directions of `n` steps before weigh the coefficients of `1/W` with `n` and `n^2`. What the
+    filter makes of these are the coefficients of `L = -z W'/W` and of `z L' + L^2`: `l_n = p^n + q^n - r^n` and
+    `n l_n + sum l_k l_(n-k)`. The latter grow at first, as `n rho^n`, with alternating sign.
+    """
+    if run.method != "nsga":
+        return np.eye(1, steps)[0], np.zeros(steps)
+    rho, n = float(run.options["spectral_radius"]), np.arange(steps)
+    first = ((1.0 - 3.0 * rho) / (3.0 - rho)) ** n + (-rho) ** n - ((1.0 - 2.0 * rho) / (2.0 - rho)) ** n
+    later = np.where(n > 0, first, 0.0)
+    return first, n * first + np.convolve(later, later)[:steps]
+
+
 def memory(run: Run) -> float:
     """What the filter of the scheme keeps of its error at each step."""
     rho = float(run.options["spectral_radius"])
