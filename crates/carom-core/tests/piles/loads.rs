@@ -88,14 +88,15 @@ fn a_piston_lifts_a_heap() {
 #[test]
 fn contacts_overlap_and_pull_no_more_than_is_allowed() {
     // A rattler makes a second island: of several piles some are whole.
-    let (used, slipping) = (11..29)
+    let [used, slipping, pulled] = (11..29)
         .map(records_in_cones)
-        .fold((0, 0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+        .fold([0; 3], |sum, own| [0, 1, 2].map(|k| sum[k] + own[k]));
     assert!(used > 500 && slipping > 100, "{used} {slipping}");
+    assert!(pulled < used / 100, "{pulled} of {used}");
 }
 
-/// Checks one pile; the records of steps in which all contacts are one island, and how many of them slip.
-fn records_in_cones(seed: u64) -> (u32, u32) {
+/// Checks one pile; the records of steps in which all contacts are one island, how many of them slip, and how many that have opened pull.
+fn records_in_cones(seed: u64) -> [u32; 3] {
     let (mu, count, h, tolerance) = (0.4, 100, 5e-4, 1e-5);
     let input = drop(count, 4, [mu, 0.3], seed);
     let mut s = simulation(&input, options(h, tolerance));
@@ -103,7 +104,7 @@ fn records_in_cones(seed: u64) -> (u32, u32) {
     let worst = reports.iter().map(|r| r.penetration).fold(0.0, f64::max);
     assert!(worst < 0.5 * tolerance * R, "{worst:e}");
     let block = s.take_block();
-    let (mut used, mut slipping, mut first) = (0, 0, 0);
+    let (mut used, mut slipping, mut pulled, mut first) = (0, 0, 0, 0);
     for ((r, end), step) in reports.iter().zip(&block.contact_end).zip(1u64..) {
         let records = &block.contacts[first..*end as usize];
         first = *end as usize;
@@ -126,12 +127,14 @@ fn records_in_cones(seed: u64) -> (u32, u32) {
             let across = c.impulse.reject_from_normalized(middle).length();
             let moved = c.position_impulse;
             // What has opened since lost its normal part along a normal that had turned.
-            let turned = if c.gap > 1e-6 * R { 1e-2 } else { 1e-5 };
-            assert!(normal >= 0.0 && moved.dot(middle) >= -turned * moved.length());
+            let pulls = moved.dot(middle) < -1e-5 * moved.length();
+            assert!(normal >= 0.0 && (!pulls || c.gap > 1e-6 * R));
+            assert!(moved.dot(middle) >= -1e-2 * moved.length());
+            pulled += u32::from(pulls);
             assert!(across <= mu * normal + 1e-14 * normal, "{c:?}");
             used += 1;
             slipping += u32::from(mu > 0.0 && normal > 0.0 && across > 0.999 * mu * normal);
         }
     }
-    (used, slipping)
+    [used, slipping, pulled]
 }
