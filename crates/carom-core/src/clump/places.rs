@@ -30,7 +30,7 @@ pub struct Clumps {
     /// At which the loads were solved, and where these have turned them.
     pub(super) at_loads: Vec<DQuat>,
     pub(super) by_loads: Vec<DQuat>,
-    /// By how much what corrected positions has turned the angular velocity, rad.
+    /// Angle by which corrections of positions have turned each angular velocity, rad.
     pub(super) turned_along: Vec<f64>,
     /// What loads on its balls gave each clump in the step, about its centre of mass, N m s.
     pub(super) moment: Vec<DVec3>,

@@ -460,8 +460,7 @@ impl Walls {
             on_wall[1] -= on_ball.moment;
             for (lever, [impulse, normal]) in [(at_end, impact), (half_way, then)] {
                 on_wall[1] -= lever.arm.cross(impulse);
-                let mean = self.mean_twist(model, c, &lever);
-                work += mean.map_or(0.0, |mean| {
+                work += self.mean_twist(model, c, &lever).map_or(0.0, |mean| {
                     normal.dot(mean.shape) + (impulse - normal).dot(mean.material)
                 });
             }

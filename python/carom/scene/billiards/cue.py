@@ -92,21 +92,7 @@ def cue_impulse(
     textbook's, which loses no energy. With `end_mass`, the mass of the shaft's front end (kg), the ball squirts: it starts
     off the line of the cue, away from the side on which it is struck, also upwards if struck low; without it, along the cue.
     """
-    return _struck(
-        "cue_impulse",
-        radius=radius,
-        mass=mass,
-        inertia=inertia,
-        direction=direction,
-        speed=speed,
-        ball_speed=ball_speed,
-        side=side,
-        height=height,
-        elevation=elevation,
-        cue_mass=cue_mass,
-        restitution=restitution,
-        end_mass=end_mass,
-    )
+    return _struck("cue_impulse", **locals())
 
 
 def strike(
