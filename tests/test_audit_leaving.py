@@ -95,6 +95,6 @@ def test_a_ball_is_judged_in_the_step_in_which_its_neighbour_leaves(method: str,
         projected = {"position_projection": True} if method == "moreau" else {}
         result = carom.simulate(scene, until=0.05, method=method, impacts=impacts, **projected, **OPTIONS)
         pushed = result.contacts.at(int(result.events.step[0]))
-        assert pushed.position_impulse[(pushed.body == (0, 1)).all(axis=1)].any()
+        assert pushed.impulse[(pushed.body == (0, 1)).all(axis=1)].any()
         report = audit.check(result)
         assert report.ok, repr(report)

@@ -153,6 +153,28 @@ def test_projection_pushes_balls_that_others_push() -> None:
     assert np.mean(x) == pytest.approx(np.mean(free), abs=1e-14)  # the centre of mass is not moved
 
 
+@pytest.mark.parametrize("h", [1e-3, 2e-4])
+def test_a_heap_at_rest_stays_with_projection(h: float) -> None:
+    """It has no overlaps to be known by: what the loads close in a step is held, and friction with it."""
+
+    def heap() -> Scene:
+        scene = Scene("heap", gravity=(0, 0, -GRAVITY), run={"pile_tolerance": 1e-4})
+        scene.contact("g", "g", friction=0.6, restitution=0.0, rolling_radius=6e-4)
+        scene.plane("floor", material="g", point=(0, 0, 0), normal=(0, 0, 1))
+        return scene
+
+    poured = heap()
+    region = {"region": "sphere", "point": (0, 0, 0.014), "region_radius": 0.0135}
+    poured.packing("p", material="g", density=2500, seed=1, count=40, sizes="equal", diameter=0.006, **region)
+    settled = run(poured, until=0.5, step=1e-3, method="nsga")
+    rests = heap()
+    rests.spheres_from(settled)
+    result = run(rests, until=0.1, step=h, position_projection=True)
+    height = np.asarray(result.position)[:, :, 2].mean(axis=1)
+    assert height[0] - height[-1] < 1e-4 * height[0]
+    assert carom.audit.check(result).ok
+
+
 def test_the_break_is_close_to_nsga() -> None:
     """After the impact both schemes tend to the same velocities; they differ by the delay, of first order in h."""
     h = 1e-4

@@ -7,7 +7,8 @@ use crate::level::speeds::{opening, Speeds};
 use crate::model::Model;
 use crate::scratch::Scratch;
 use crate::state::State;
-use crate::wall::places::proximity_at;
+use crate::stepper::Prediction;
+use crate::wall::places::{proximity_at, Walls};
 use carom_solve::team;
 
 /// Finds the contacts whose loads are solved, with their normals where the smooth step ends: those that touch there, and those that loads may close
@@ -20,19 +21,8 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
     team::each(threads, contacts, |c| {
         let gap_allowed = touching * c.length;
         let meets = c.gap_check <= gap_allowed;
-        let mut speeds = Speeds::default();
-        for i in [c.a as usize, c.b as usize] {
-            if i < model.bodies() {
-                speeds.add(model, state, linear[i].velocity, i);
-            }
-        }
         c.rested = c.gap_start <= gap_allowed;
-        if !meets && c.gap_start > gap_allowed + 0.5 * h * speeds.load {
-            return;
-        }
-        // Without loads what rolls over one another opens and closes by rounding, and by what solvers leave.
-        let slow = model.options.closing_tolerance_speed * speeds.speed;
-        c.resting = meets || opening(model, state, walls, c) <= speeds.load + slow;
+        c.resting = meets || brought(model, state, walls, linear, c, h);
         if c.resting {
             let p = proximity_at(model, walls, c, position);
             c.turn_to(p.normal);
@@ -54,6 +44,27 @@ pub(crate) fn begin(model: &Model, state: &State, scratch: &mut Scratch, h: f64)
             c.rested = false;
         }
     }
+}
+
+/// Whether loads may close a contact in the step of size `h`: it is within their reach at t_n, and separates by no more than they may bring back.
+pub(crate) fn brought(
+    model: &Model,
+    state: &State,
+    walls: &Walls,
+    linear: &[Prediction],
+    c: &Contact,
+    h: f64,
+) -> bool {
+    let mut speeds = Speeds::default();
+    for i in [c.a as usize, c.b as usize] {
+        if i < model.bodies() {
+            speeds.add(model, state, linear[i].velocity, i);
+        }
+    }
+    let reach = model.options.touching_tolerance * c.length + 0.5 * h * speeds.load;
+    // Without loads what rolls over one another opens and closes by rounding, and by what solvers leave.
+    let slow = model.options.closing_tolerance_speed * speeds.speed;
+    c.gap_start <= reach && opening(model, state, walls, c) <= speeds.load + slow
 }
 
 /// Where the loads bring the spheres, and cohesion: `(h/2) W0` in place of the jumps W0, and the positions that follow.

@@ -307,8 +307,7 @@ class Block:
         those that it looks at.
         """
         run = self.run
-        projected = run.method == "moreau" and bool(run.options["position_projection"])
-        return np.asarray((self.over(run.steps["candidates"]) > run.small) | projected)
+        return np.asarray((self.over(run.steps["candidates"]) > run.small) | run.projects)
 
     @cached_property
     def piled(self) -> Bool:

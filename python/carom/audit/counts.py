@@ -167,7 +167,7 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     own = (near.k * many + near.a) * many + near.b
     sure = np.union1d(pushed, own[lawful & (gap <= min(touching) * length - noise)])
     unsure = gap <= max(touching) * length + noise
-    if run.loads_once:
+    if run.loads_once or run.projects:
         loads = closing.given(block)
         loads = np.maximum(loads[near.k, near.a], loads[near.k, run.given(near.b)])
         slow = 0.5 * loads + closing.closing(block, near.k, near.a, near.b, "candidates")

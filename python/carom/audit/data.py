@@ -329,6 +329,11 @@ class Run:
         return loads_once(self.options)
 
     @property
+    def projects(self) -> bool:
+        """Whether Moreau-Jean projects positions: what loads may close in a step is closed then (`loads_once.rs`)."""
+        return self.method == "moreau" and bool(self.options["position_projection"])
+
+    @property
     def loads_once_within(self) -> bool:
         """The same of the steps that were made: those of `events`, while bodies press one another, are of `nsga`."""
         return loads_once(stepping(self.options))

@@ -28,7 +28,7 @@ from carom.audit.wrenches import groups
 def judge(block: Block, tally: Tally) -> None:
     """All joints at the second frames."""
     run = block.run
-    if run.joints and run.method == "moreau" and not run.options["position_projection"]:
+    if run.joints and run.method == "moreau" and not run.projects:
         tally.skip(
             "joint",
             "moreau holds joints by their speeds; lengths drift",
@@ -64,7 +64,7 @@ def _row(block: Block, tally: Tally, joint: dict[str, Any], row: tuple[Any, ...]
         else:
             measure = dot(between, along)
         off = dot(rate, along) - slope
-        if not (run.method == "moreau" and not run.options["position_projection"]):
+        if not (run.method == "moreau" and not run.projects):
             bound = 1e3 * t["gap_tolerance"] * (length + run.radius[a]) + 64.0 * EPS * (
                 norm(at_a) + norm(at_b)
             )

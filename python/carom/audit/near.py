@@ -233,7 +233,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     if run.method == "penalty":
         return np.asarray(_compressed(run, a, b) + rounding)
     t = run.loosest
-    if run.method == "moreau" and not run.options["position_projection"]:
+    if run.method == "moreau" and not run.projects:
         of_image = run.h * carried.image_speed(block, k, block.image(k, a, b))
         bent = np.zeros(len(k))
         for w, grown in drift.of_run(run).items():

@@ -59,7 +59,7 @@ pub fn step(on: &mut Step) -> Result<(), Failure> {
     let fastest = list_pairs(model, on.state, on.scratch)?;
     travel::check(model, on.state, on.scratch, fastest)?;
     on.timers.mark(Phase::Broad);
-    meet(model, on.state, on.scratch)?;
+    meet(model, on.state, on.scratch, whole.h)?;
     on.report.candidates = on.scratch.contacts.len() as u32;
     on.timers.mark(Phase::Meet);
     // Joints and loads are taken at q-check, where the smooth motion has them already.
@@ -156,23 +156,32 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
     Ok(fastest)
 }
 
-/// The closed contacts: gap at the midpoint within the touching tolerance, with the frame of the midpoint.
-fn meet(model: &Model, state: &State, scratch: &mut Scratch) -> Result<(), Failure> {
+/// The closed contacts: gap at the midpoint within the touching tolerance, with the frame of the midpoint. Where overlaps are taken away none tells what
+/// rests: what loads may close is closed there.
+fn meet(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<(), Failure> {
     let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     contacts.clear();
-    let (pairs, margin) = (scratch.neighbours.pairs(), model.options.touching_tolerance);
+    let (touching, rests) = (
+        model.options.touching_tolerance,
+        model.options.position_projection,
+    );
+    let margin = if rests { CANDIDATE_MARGIN } else { touching };
+    let pairs = scratch.neighbours.pairs();
     let mut found = Vec::new();
     candidates::near_pairs(model, state, walls, position, pairs, margin, &mut found)?;
     for near in &found {
-        contacts.push(candidates::contact(model, state, walls, near)?);
-        let last = contacts.len() - 1;
-        let c = &mut contacts[last];
+        let mut c = candidates::contact(model, state, walls, near)?;
+        let meets = near.gap <= touching * c.length;
+        if !meets && !loads_once::brought(model, state, walls, &scratch.linear, &c, h) {
+            continue;
+        }
         c.closed = true;
         if !(c.is_wall(model) && model.wall(c.b).is_fixed_plane()) {
-            let n = proximity_at(model, walls, c, position).normal;
+            let n = proximity_at(model, walls, &c, position).normal;
             let (t1, t2) = carom_geom::tangent_frame(n);
             (c.n0, c.n1, c.t1, c.t2) = (n, n, t1, t2);
         }
+        contacts.push(c);
     }
     Ok(())
 }
