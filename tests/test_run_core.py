@@ -210,7 +210,7 @@ def test_the_summary_of_a_failed_run_says_so(
 )
 def test_the_command_that_leads_on_sets_what_the_core_advises_first(advice: str, option: str | None) -> None:
     from carom.cli.summary import _easier
-    from carom.result.tables import Outcome
+    from carom.result.outcome import Outcome
     from carom.run.changes import CHANGEABLE
 
     assert _easier(Outcome("not_converged", advice=advice)) == option

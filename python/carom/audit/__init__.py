@@ -25,6 +25,7 @@ from carom.audit import (
     kinds,
     motion,
     references,
+    rises,
     springs,
     tables,
     tunnel,
@@ -83,7 +84,7 @@ def _judge(run: Run, tally: Tally) -> None:
     counts.judge(run, tally)
     flows.judge(run, tally)
     claims.judge(run, tally)
-    energy.rises(run, tally)
+    rises.rises(run, tally)
     for block in blocks(run):
         pairs = near(block)
         tables.frames(block, tally)

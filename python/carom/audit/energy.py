@@ -1,4 +1,4 @@
-"""Energy: recorded energies are those of the motion, they change by the recorded work alone, and never rise beyond it.
+"""Energy of frames: recorded energies are those of the motion, and change by the recorded work alone.
 
 Between two frames, with weight alone and whole steps, exactly
 
@@ -36,13 +36,11 @@ from carom.audit.centres import at_walls, half_way, riding
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
 from carom.audit.forces import absolute, speeds, together
-from carom.audit.formula import law
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, stiffness
 from carom.audit.recorded import pushes
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, dot, norm, rotated
-from carom.result.remarks import RISE_PILE
 
 
 def judge(block: Block, near: Near, tally: Tally) -> None:
@@ -173,7 +171,7 @@ def _balance(block: Block, tally: Tally) -> None:
     outer = np.divmod(label[:, -1], run.bodies + 1)
     # What the steps have of the whole, less all other groups, is the outer one's.
     names = ("energy_kinetic", "energy_potential")
-    told = [np.concatenate([[start], run.steps[n]]) for n, start in zip(names, _at_start(run), strict=True)]
+    told = [np.concatenate([[start], run.steps[n]]) for n, start in zip(names, at_start(run), strict=True)]
     total_told = told[0] + told[1]
     whole = total_told[block.s1] - total_told[block.s0]
     given = [block.total(run.steps[name]) for name in ("energy_work", "energy_in", "energy_out")]
@@ -218,7 +216,7 @@ def _balance(block: Block, tally: Tally) -> None:
     # What joints, springs and drag do within a step is known to what it may add; what the scheme damps is no fault.
     held = groups.held(block)
     value = np.where(held, np.maximum(value, 0.0), value)
-    bound = bound + np.where(held, block.total(_answered(run))[:, None], 0.0)
+    bound = bound + np.where(held, block.total(answered(run))[:, None], 0.0)
     judged = root & busy & (block.kept & ~(block.cut & (run.method == "moreau")))[:, None]
     if run.cohesive:
         block.skip(tally, "energy balance", "cohesion: " + PARTS, np.flatnonzero(~block.single))
@@ -317,7 +315,7 @@ def _forced(block: Block) -> F64:
     return np.nan_to_num(found)
 
 
-def _at_start(run: Run) -> tuple[float, float]:
+def at_start(run: Run) -> tuple[float, float]:
     """Kinetic energy, and that of the weight and of springs, at the first frame of the run, J."""
     x, v, w, q = (of[0] for of in run.state(slice(0, 1)))
     here = run.present(slice(0, 1))[0]
@@ -359,96 +357,23 @@ def _walls(block: Block) -> F64:
     return np.asarray(found + box_energy.unsure(block))
 
 
-def rises(run: Run, tally: Tally) -> None:
-    """No step may gain energy beyond the work of loads and walls and what bodies bring or take.
-
-    Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding, 2e-10 T of
-    the laws `one-shot`, `compliant` and `binary` (`docs/reference/determinism.md`); in steps with islands of more
-    than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat or move, the
-    position correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
-    `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10),
-    less for a clump of one ball that rolls (`turning.rolled`); of the force on a free wall that times the way of the wall.
-    Moreau-Jean: `h |g|/2`, or `h F/(2 M)` of a given force, times all impulses that loads and motion can give, for it moves
-    bodies by the mean of velocities. Penalty: what its integration swings by, `(pi/resolution)^2/4`. Works of moving walls
-    are exact for constant velocities, else off by the share by which these change in the step; those of springs, drag and
-    joints by the change of power within it, which the second difference of the kinetic energy shows, and by those of the
-    steps before as long as the filter remembers them (`loads.remembered`); in an impact, after which the kinetic energy may
-    be what it was, by `_grip` of it in a step. What sticks turns in a step in which it is pulled along one line: by the
-    third order of that.
-    """
-    s, o = run.steps, run.options
-    h = run.h
-    kinetic, potential, gained = s["energy_kinetic"], s["energy_potential"], s["energy_work"] + s["energy_in"]
-    if not len(kinetic):
-        return
-    # What its springs store at the start is in no frame of `penalty`.
-    known = run.frames and int(run.step[0]) == 0 and run.method != "penalty"
-    before = np.array(_at_start(run) if known else (kinetic[0], potential[0] - (gained - s["energy_out"])[0]))
-    kinetic, potential = np.append(before[0], kinetic), np.append(before[1], potential)
-    rise = np.diff(kinetic + potential) - (gained - s["energy_out"])
-    g, weight = float(norm(run.gravity)), float(run.whole_mass * norm(run.gravity))
-    motion = np.maximum(kinetic[1:], kinetic[:-1])
-    longest = float(np.append(run.radius, run.clumps.reach).max())
-    top = np.maximum.accumulate(motion) + weight * longest
-    # Laws of one problem, or of springs, leave what their solver does in it, by which nothing after it is bound (R4).
-    solved = run.impact_law.problems == 1 or run.impact_law.restitution == "energetic"
-    bound = (2e-10 if solved else 1e-12) * top + 16.0 * EPS * np.maximum(
-        np.abs(potential[1:]), np.abs(potential[:-1])
-    )
-    large = s["candidates"] > run.small
-    bound = bound + np.where(large, RISE_PILE * (h / 1e-3) ** 2 * top, 0.0)
-    round_walls = any(not wall.flat or wall.moves for wall in run.walls)
-    if run.bodies > 1 or round_walls:
-        bound = bound + turning.lifted(run, motion)
-    elif run.clumps:
-        bound = bound + turning.rolled(run, motion)
-    walls = zip(run.free_walls, run.areas, strict=True)
-    pressed = [area[1:] * np.abs(law(wall.force, s["time"])[0]) for wall, area in walls]
-    for force, wall in zip(pressed, run.free_walls, strict=True):
-        way = h * (np.sqrt(2.0 * motion / wall.mass) + h * force / wall.mass)
-        bound = bound + np.where(s["contacts"] > 0, force * way, 0.0)
-    if run.method == "moreau":
-        loads = [load for load in run.loads if load["kind"] == "force"]
-        forces = [norm(wrenches.at_steps(run, tuple(load["force"]))[1:]) for load in loads]
-        each = (force / run.heavy[run.node[load["body"]]] for force, load in zip(forces, loads, strict=True))
-        pull = np.max([np.full(len(motion), g), *each], axis=0)
-        given = 2.0 * np.sqrt(2.0 * motion * run.whole_mass) + (weight + sum(forces)) * h
-        bound = bound + 0.5 * h * pull * given
-    if run.method == "penalty":
-        # Verlet's energy swings by (w dt)^2/8 of itself; a ball between two others has twice the w^2 of its contact.
-        bound = bound + 0.25 * (np.pi / float(o["penalty_resolution"])) ** 2 * top
-    bound = bound + turning.risen(run, motion) + _answered(run) + _unsteady(run) * np.abs(s["energy_work"])
-    if run.cohesive:  # a gap counts as touch up to the tolerance, and not beyond
-        strongest = float(np.nanmax(run.model["cohesion"]))
-        bound = bound + s["candidates"] * strongest * run.loosest["touching_tolerance"] * run.radius.max()
-        # What sticks turns in a step, in which it is pulled along one line: of third order. By the motion before, and by
-        # what one pull gives; some are twice as fast as the mean.
-        fast = 2.0 * np.sqrt(2.0 * kinetic[:-1] / run.whole_mass) + h * strongest / run.mass.min()
-        turn = np.minimum(h * fast / run.radius.min(), 1.0)
-        bound = bound + s["contacts"] * strongest * h * fast * turn**2
-        # Of a wall that goes away nothing is torn off.
-        gone = sum(~wall.there(s["time"] - 0.5 * h) & wall.there(s["time"] - 1.5 * h) for wall in run.walls)
-        bound = bound + gone * run.balls * 0.5 * strongest * float(np.max(run.model["rupture_distance"]))
-    tally.measure("energy rise", np.maximum(rise, 0.0), bound, lambda i: run.step_place(i + 1))
-
-
 @once
-def _answered(run: Run) -> F64:
-    """(S,) by how much springs, drag and joints may raise the energy in a step beyond their work on record, J (`rises`)."""
-    kinetic, h = np.append(_at_start(run)[0], run.steps["energy_kinetic"]), run.h
+def answered(run: Run) -> F64:
+    """(S,) by how much springs, drag and joints may raise the energy in a step beyond their work on record, J."""
+    kinetic, h = np.append(at_start(run)[0], run.steps["energy_kinetic"]), run.h
     found = np.zeros(len(kinetic) - 1)
     if run.joints or run.loads:
         second = np.pad(np.abs(np.diff(kinetic, n=2)), 1, mode="edge" if len(kinetic) > 2 else "constant")
         found = found + wrenches.remembered(run, np.maximum(second[1:], second[:-1]))
         motion = np.maximum(kinetic[1:], kinetic[:-1])
-        jump = np.where(run.steps["impact_problems"] > 0, h * motion * _grip(run), 0.0)
+        jump = np.where(run.steps["impact_problems"] > 0, h * motion * grip(run), 0.0)
         found = found + 2.0 * (jump + wrenches.remembered(run, np.concatenate([[0.0], jump[:-1]])))
     if run.joints:
         found = found + reactions.unsteady(run)
     return found
 
 
-def _grip(run: Run) -> float:
+def grip(run: Run) -> float:
     """Most power by which an impact can change that of springs and drag, over the kinetic energy `K`, 1/s.
 
     No end of a damper is faster than `sqrt(2 K) u`, `u = 1/sqrt(m_A) + arm/sqrt(I_A)` and the same of B. So an impact
@@ -467,19 +392,3 @@ def _grip(run: Run) -> float:
             each = [run.mass[i] ** -0.5 + arm * run.inertia[i] ** -0.5 for i, arm in ends if i >= 0]
             found += 4.0 * (load["damping"] + load["stiffness"] * run.h) * float(sum(each)) ** 2
     return float(found)
-
-
-def _unsteady(run: Run) -> F64:
-    """(S,) largest share by which the velocity of a moving wall changes in a step."""
-    end = run.steps["time"]
-    found = np.zeros(len(end))
-    for wall in run.walls:
-        if wall.moves:
-            p = np.broadcast_to(wall.point, (len(end), 3))
-            old = np.hstack(list(wall.velocity(end - run.h, p)))
-            new = np.hstack(list(wall.velocity(end, p, end=True)))
-            size = norm(old) + norm(new)
-            found = np.maximum(
-                found, np.divide(norm(new - old), size, out=np.zeros_like(size), where=size > 0.0)
-            )
-    return found

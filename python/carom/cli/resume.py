@@ -45,8 +45,8 @@ def resume(
     Example: carom resume runs/break-1 --until 6
     """
     from carom.result.directory import RunDir
+    from carom.run.launch import relaunch
     from carom.run.restart import Wish
-    from carom.run.simulate import relaunch
     from carom.run.sinks import Interrupt
 
     options, places = overrides(set_, until)

@@ -59,7 +59,8 @@ def run(
     Example: carom run corner.toml --save-problems 200:300:50,worst:5
     """
     from carom.result.directory import RunDir
-    from carom.run.simulate import chosen, launch
+    from carom.run.launch import launch
+    from carom.run.simulate import chosen
     from carom.run.sinks import Interrupt
 
     if on_nonconvergence is not None:

@@ -15,7 +15,7 @@ from carom.result.remarks import remarks
 from carom.text import table
 
 if TYPE_CHECKING:
-    from carom.result.tables import Outcome
+    from carom.result.outcome import Outcome
     from carom.run.result import Result
 
 #: Counts that are zero where all went well, and what each is called in words, for one and for many.

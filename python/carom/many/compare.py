@@ -26,9 +26,10 @@ from carom.many.absent import absent_at, there_only, told
 from carom.many.impulses import growing, half
 from carom.many.quantity import USUAL
 from carom.many.sheets import of_comparison, titled
+from carom.run.launch import OnProgress
 from carom.run.loop import begin
 from carom.run.result import Result
-from carom.run.simulate import OnProgress, RunFailed, scene_of
+from carom.run.simulate import RunFailed, scene_of
 from carom.run.summary import plain
 from carom.scene.arguments import renamed
 from carom.scene.plan import Plan

@@ -12,7 +12,7 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.result.tables import Transitions
-from carom.run.simulate import Run
+from carom.run.launch import Run
 
 if TYPE_CHECKING:
     from carom.scene.billiards import Strike

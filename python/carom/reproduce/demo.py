@@ -19,8 +19,8 @@ from carom.errors import CaromError
 from carom.measure import events
 from carom.reproduce.analytic.approach import Approach
 from carom.result.directory import RunDir
+from carom.run.launch import launch, relaunch
 from carom.run.result import Result
-from carom.run.simulate import launch, relaunch
 from carom.run.sinks import Interrupt
 from carom.scene.scene import Scene
 from carom.text import WIDTH, table

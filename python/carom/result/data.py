@@ -24,6 +24,7 @@ from carom.result.boxes import Boxes
 from carom.result.clumps import Clumps
 from carom.result.directory import RunDir, temporary
 from carom.result.kinematics import Frames, Part
+from carom.result.outcome import Outcome
 from carom.result.record import Column, Memory, Record, Segments, Writer
 from carom.result.run_json import checked, refuse_lost
 from carom.result.selection import Selection
@@ -33,7 +34,6 @@ from carom.result.tables import (
     Events,
     Impacts,
     Impulses,
-    Outcome,
     Residuals,
     Static,
     Steps,

@@ -18,10 +18,11 @@ from carom.errors import CaromError, CaromWarning, did_you_mean
 from carom.numeric import is_whole
 from carom.result.directory import now
 from carom.result.record import Memory
+from carom.run.launch import Run
 from carom.run.loop import Ending, Sink, advance
 from carom.run.placed import Placement
 from carom.run.result import Result
-from carom.run.simulate import Run, RunFailed, scene_of
+from carom.run.simulate import RunFailed, scene_of
 from carom.run.sinks import Interrupt, Recorder
 from carom.run.watch import State
 from carom.scene.assembly.arrays import identify
