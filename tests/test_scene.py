@@ -51,7 +51,8 @@ def test_attributes_that_nothing_reads_are_refused(name: str, told: str) -> None
 
 
 def test_a_file_that_cannot_be_written_is_an_error_of_carom(tmp_path: Path) -> None:
-    for path in (tmp_path, tmp_path / "absent" / "x.toml", tmp_path / "a\0b"):
+    example().to_toml(tmp_path / "absent" / "x.toml")  # which makes the directory
+    for path in (tmp_path, tmp_path / "absent" / "x.toml" / "y.toml", tmp_path / "a\0b"):
         with pytest.raises(CaromError, match="cannot write"):
             example().to_toml(path)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
 from carom.errors import CaromError, Problem, ScenarioError, counted, quoted
-from carom.files import reason
+from carom.files import reason, write_whole
 from carom.scene.arguments import explained, renamed, wording
 from carom.scene.assembly.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scene.assembly.mechanics import MECHANICS
@@ -147,11 +147,8 @@ class Scene(Waller, Attacher, Taker, Deformer):
         )
         if path is not None:
             try:
-                Path(path).write_text(text, encoding="utf-8")
-            except (
-                OSError,
-                ValueError,
-            ) as error:  # ValueError: a null byte in the name, half a character in a text
+                write_whole(Path(path), text.encode(), durable=False, parents=True)
+            except ValueError as error:  # a null byte in the name, half a character in a text
                 raise CaromError(f"cannot write {path}: {reason(error)}") from error
         return text
 
