@@ -157,8 +157,12 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
     ),
     "...; one of ...": ("form: 'loacl'", lambda f, p: kept.state({}, "loacl")),
     "joints of ... rows depend on one another; up to ... are eliminated": ("joints", many_joints),
-    "not a list of numbers; give an array of one dimension": ("q", local(q=[[1], [2, 3]])),
-    "an array of ... dimensions and type ...; give real numbers, in one dimension": ("mu", local(mu=0.1)),
+    "its rows differ in length; give real numbers, as an array": ("q", local(q=[[1], [2, 3]])),
+    "an array of ... dimensions and type ...; give real numbers, in ...": ("mu", local(mu=0.1)),
+    "some of its numbers are masked; all numbers must be there": (
+        "q",
+        local(q=np.ma.masked_equal(np.ones(6), 1)),
+    ),
     "... values; there must be ...": ("mu_r: 3", local(mu_r=[0.1, 0.1, 0.1])),
     "it is ... x ...; it must be ... x ...": ("W: it is 5 x 5", local(W=np.eye(5))),
     "unsymmetric by ... of its largest entry; up to ... is taken for rounding": (
@@ -178,8 +182,6 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
     ),
     "its indices have ... dimensions; they are a list": ("W", triplets(np.eye(6), *IDENTITY[1:])),
     "its indices are of type ...; they must be whole numbers": ("W", triplets(np.ones(6), *IDENTITY[1:])),
-    "its values have ... dimensions; they are a list": ("W", triplets(*IDENTITY[:2], np.eye(6))),
-    "its values are of type ...; they must be real numbers": ("W", local(W=1j * np.eye(6))),
     "... row indices, ... column indices and ... values; an entry has one of each": (
         "W: 6 row",
         triplets(*IDENTITY[:2], np.ones(5)),
@@ -197,8 +199,6 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
         "W",
         file_with("fclib_local/W/x", np.ones(5)),
     ),
-    "its rows differ in length; a matrix is a rectangle": ("W", local(W=[[1, 2], [3]])),
-    "it has ... dimensions; give a matrix": ("W", local(W=np.ones(6))),
     "...; it must be between 0 and 1": ("rtol: 2", lambda f, p: rank.rank_of(Csr.from_any(np.eye(3)), 2.0)),
     "... rows of it must be looked at together; a rank is estimated up to ...": ("W", wide_level),
     "its shape is ...; it must be (...,)": (
@@ -207,7 +207,6 @@ PROBLEMS: dict[str, tuple[str, Call]] = {
     ),
     "none is called ...; ...": ("solver", solved(solver="nweton")),
     "...; either 'raise' or 'return'": ("on_nonconvergence: 'warn'", solved(on_nonconvergence="warn")),
-    "not a list of numbers; it must be (...,)": ("r0", solved(r0="zero")),
     "not all of it is finite; start from 0 (leave it out) or from a former r": (
         "r0",
         solved(r0=np.full(6, np.nan)),

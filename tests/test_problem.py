@@ -190,6 +190,47 @@ def test_an_r_of_the_wrong_length_is_refused() -> None:
         residual_of(problem, np.zeros(5))
 
 
+@pytest.mark.parametrize(
+    ("r", "message"),
+    [
+        (np.ones(6) * 1j, "type complex128; give real numbers"),
+        ("abc", "an array of 0 dimensions and type <U3; give real numbers"),
+        (None, "type object; give real numbers"),
+        (np.ma.masked_equal(np.arange(6.0), 2), "some of its numbers are masked"),
+        ([np.ma.masked_equal(np.arange(3.0), 2)] * 2, "some of its numbers are masked"),
+        (np.ones((3, 2)), r"its shape is \(3, 2\); it must be \(6,\)"),
+    ],
+)
+def test_every_array_is_read_in_one_way(r: Any, message: str) -> None:
+    problem = ContactProblem.from_matrices(np.eye(6), np.ones(6), [0.2, 0.2])
+    with pytest.raises(ContactProblemError, match=f"r: .*{message}"):
+        problem.residual(r)
+    if r is not None:  # to begin at 0
+        with pytest.raises(ContactProblemError, match=f"r0: .*{message}"):
+            problem.solve(r0=r)
+    if "shape" not in message:
+        with pytest.raises(ContactProblemError, match="q: "):
+            ContactProblem.from_matrices(np.eye(6), r, [0.2, 0.2])
+        with pytest.raises(ContactProblemError, match="vector: "):
+            _ = problem.local.W @ r
+
+
+def test_masked_matrices_and_bounds_are_refused() -> None:
+    masked = np.ma.masked_equal(np.eye(3), 1)
+    with pytest.raises(ContactProblemError, match="W: some of its numbers are masked"):
+        ContactProblem.from_matrices(masked, np.ones(3), [0.2])
+    with pytest.raises(ContactProblemError, match="mu: some of its numbers are masked"):
+        ContactProblem.from_matrices(np.eye(3), np.ones(3), np.ma.masked_equal([0.2], 0.2))
+    assert ContactProblem.from_matrices(np.ma.array(np.eye(3)), np.ones(3), [0.2]).solve().converged
+
+
+def test_what_overflows_is_infinite_everywhere() -> None:
+    problem = LocalProblem(W=np.eye(3), q=[-1e300, 5e299, 0.0], mu=[0.3])
+    for r in ([1e200, 0, 0], [np.inf, 0, 0]):
+        assert residual_of(problem, r).complementarity == np.inf
+        assert "e+308" not in str(residual_of(problem, r))
+
+
 # --- the face ---------------------------------------------------------------------------------------------------------
 
 

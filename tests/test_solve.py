@@ -131,7 +131,7 @@ def test_velocities_of_bodies() -> None:
         ({"time_limit": -1}, "time_limit: -1; it must be a number above 0"),
         ({"threads": 0}, "threads: 0"),
         ({"r0": np.zeros(11)}, r"r0: its shape is \(11,\); it must be \(12,\)"),
-        ({"r0": ["a"]}, "r0: not a list of numbers"),
+        ({"r0": ["a"]}, "r0: an array of 1 dimensions and type <U1; give real numbers"),
         ({"r0": np.full(12, np.nan)}, "r0: not all of it is finite"),
         ({"on_nonconvergence": "warn"}, "on_nonconvergence: 'warn'; either 'raise' or 'return'"),
     ],

@@ -27,6 +27,7 @@ import numpy as np
 from carom.arrays import F64
 from carom.problem.cone import BLOCKS
 from carom.problem.errors import ContactProblemWarning, refuse
+from carom.problem.given import finite, vector
 from carom.problem.matrix import Csr, asymmetry
 
 #: Relative asymmetry of W or M (largest entry of the difference over the largest of all): above the first it is
@@ -138,23 +139,6 @@ def positive(matrix: Csr, name: str) -> None:
         )
 
 
-def vector(values: Any, name: str, size: int | None = None) -> F64:
-    """A read-only (size,) copy of finite numbers, or an error that says what is wrong."""
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise refuse(name, "not a list of numbers", "give an array of one dimension") from error
-    if array.ndim != 1 or array.dtype.kind not in "fiub":
-        cause = f"an array of {array.ndim} dimensions and type {array.dtype}"
-        raise refuse(name, cause, "give real numbers, in one dimension")
-    if size is not None and len(array) != size:
-        raise refuse(name, f"{len(array)} values", f"there must be {size}")
-    array = np.array(array, dtype=np.float64)
-    finite(array, name)
-    array.setflags(write=False)
-    return array
-
-
 def square(matrix: Any, name: str, size: int, limit: float = ASYMMETRY_REFUSED) -> Csr:
     """A matrix of `size` rows and columns, finite and not far from symmetric."""
     csr = Csr.from_any(matrix, name)
@@ -169,11 +153,3 @@ def square(matrix: Any, name: str, size: int, limit: float = ASYMMETRY_REFUSED) 
         text = f"{name} is unsymmetric by {skew:.2g} of its largest entry; it is used as it stands"
         warnings.warn(text, ContactProblemWarning, stacklevel=4)
     return csr
-
-
-def finite(values: F64, name: str) -> None:
-    """Refuse NaN and infinity."""
-    bad = ~np.isfinite(values)
-    if bad.any():
-        k = int(np.argmax(bad))
-        raise refuse(name, f"{values[k]} as value {k} (from 0)", "all numbers must be finite")

@@ -16,6 +16,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Array, connected
 from carom.problem.errors import refuse
+from carom.problem.given import of_contacts, reals
 
 #: Terms of a product that are held at once (32 bytes each).
 PRODUCT_TERMS = 4_000_000
@@ -44,7 +45,7 @@ class Csr:
     ) -> Csr:
         """From row, column and value of each entry, in any order; entries of the same place are summed."""
         r, c = _indices(rows, name), _indices(columns, name)
-        x = _values(values, name)
+        x = reals(values, name, 1)
         if not len(r) == len(c) == len(x):
             cause = f"{len(r)} row indices, {len(c)} column indices and {len(x)} values"
             raise refuse(name, cause, "an entry has one of each")
@@ -84,7 +85,7 @@ class Csr:
         if p[0] != 0 or np.any(np.diff(p) < 0):
             raise refuse(name, f"the starts of its {by} do not rise from 0", "the matrix is damaged")
         entries = int(p[-1])
-        i, x = _indices(indices, name), _values(values, name)
+        i, x = _indices(indices, name), reals(values, name, 1)
         if min(len(i), len(x)) < entries:
             cause = f"{entries} entries announced, {len(i)} indices and {len(x)} values there"
             raise refuse(name, cause, "the matrix is damaged")
@@ -101,14 +102,9 @@ class Csr:
             csr = matrix.tocsr()
             rows, columns = (int(k) for k in csr.shape)
             return cls.from_compressed(csr.indptr, csr.indices, csr.data, (rows, columns), name=name)
-        try:
-            dense = np.asarray(matrix)
-        except ValueError as error:
-            raise refuse(name, "its rows differ in length", "a matrix is a rectangle") from error
-        if dense.ndim != 2:
-            raise refuse(name, f"it has {dense.ndim} dimensions", "give a matrix")
+        dense = reals(matrix, name, 2)
         height, width = dense.shape
-        values = _values(dense.reshape(-1), name)
+        values = dense.reshape(-1)
         at = np.flatnonzero(values)
         r, c = np.divmod(at, max(width, 1))
         return cls.from_triplets(r, c, values[at], (height, width), name)
@@ -174,7 +170,7 @@ class Csr:
 
     def __matmul__(self, vector: F64) -> F64:
         """`W @ r` with an (n,) vector."""
-        return self.dot(np.asarray(vector, dtype=np.float64))
+        return self.dot(of_contacts(vector, "vector", self.shape[1], 1))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         """Dense, for `numpy.asarray`."""
@@ -260,12 +256,3 @@ def _indices(values: Any, name: str) -> I64:
     if array.dtype.kind not in "iu" and len(array):
         raise refuse(name, f"its indices are of type {array.dtype}", "they must be whole numbers")
     return array.astype(np.int64)
-
-
-def _values(values: Any, name: str) -> F64:
-    array = np.asarray(values)
-    if array.ndim != 1:
-        raise refuse(name, f"its values have {array.ndim} dimensions", "they are a list")
-    if array.dtype.kind not in "fiub":
-        raise refuse(name, f"its values are of type {array.dtype}", "they must be real numbers")
-    return array.astype(np.float64)

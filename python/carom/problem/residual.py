@@ -22,7 +22,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.problem import cone
-from carom.problem.errors import refuse
+from carom.problem.given import of_contacts
 from carom.problem.local import LocalProblem
 
 
@@ -69,10 +69,7 @@ def natural_map(problem: LocalProblem, r: F64, u: F64) -> F64:
 
 def residual_of(problem: LocalProblem, r: Any) -> Residual:
     """The residual of `r` (d C,) or (C, d)."""
-    r = np.asarray(r, dtype=np.float64)
-    if r.shape not in ((problem.rows,), (problem.contacts, problem.dimension)):
-        raise refuse("r", f"its shape is {r.shape}", f"it must be ({problem.rows},)")
-    r = r.reshape(-1)
+    r = of_contacts(r, "r", problem.contacts, problem.dimension)
     with np.errstate(over="ignore", invalid="ignore"):  # an r without bound is reported as infinite, below
         u = problem.W.dot(r) + problem.q
     if not (np.isfinite(r).all() and np.isfinite(u).all()):
@@ -102,10 +99,15 @@ def _judged(problem: LocalProblem, r: F64, u: F64) -> Residual:
         scale=scale,
         worst=int(np.argmax(each)),
         worst_natural_map=float(each.max()),
-        complementarity=float(np.nan_to_num(complementarity, nan=math.inf).max()),
-        cone_violation=float(np.nan_to_num(cone.outside(force, problem.bounds), nan=math.inf).max()),
+        complementarity=_largest(complementarity),
+        cone_violation=_largest(cone.outside(force, problem.bounds)),
         penetration=max(0.0, float(-velocity[:, 0].min())),
     )
+
+
+def _largest(v: F64) -> float:
+    """The largest, infinite where one overflowed."""
+    return float(np.where(np.isnan(v), math.inf, v).max())
 
 
 #: Share of what approaches below which normal forces hold nothing. Solvers that ended early had 0.01 and more, but for

@@ -28,7 +28,9 @@ from carom.files import write_whole
 from carom.numeric import is_whole
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.fclib import write_fclib
+from carom.problem.given import of_contacts
 from carom.problem.global_ import GlobalProblem, invert
+from carom.problem.local import LocalProblem
 from carom.problem.residual import Residual, holds_nothing, residual_of
 from carom.text import seconds
 
@@ -211,7 +213,7 @@ def solve(
     _count("max_iterations", 1 if max_iterations is None else max_iterations)
     _count("threads", threads)
     local = problem.local
-    start = _start(r0, local.rows, local.dimension)
+    start = _start(r0, local)
     zero = np.zeros(local.contacts)
 
     cancel = _core.Cancel()
@@ -311,18 +313,13 @@ def _interruptible(call: Callable[[], dict[str, Any]], cancel: Callable[[], None
         raise
 
 
-def _start(r0: Any, rows: int, dimension: int) -> F64 | None:
+def _start(r0: Any, local: LocalProblem) -> F64 | None:
     if r0 is None:
         return None
-    try:
-        start = np.asarray(r0, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise refuse("r0", "not a list of numbers", f"it must be ({rows},)") from error
-    if start.shape not in ((rows,), (rows // dimension, dimension)):
-        raise refuse("r0", f"its shape is {start.shape}", f"it must be ({rows},)")
+    start = of_contacts(r0, "r0", local.contacts, local.dimension)
     if not np.isfinite(start).all():
         raise refuse("r0", "not all of it is finite", "start from 0 (leave it out) or from a former r")
-    return np.ascontiguousarray(start.reshape(-1))
+    return start
 
 
 def _positive(name: str, value: Any, *, infinite: bool = False) -> None:
