@@ -250,6 +250,22 @@ def test_a_body_between_walls_that_close_has_no_solution(solver: str, mu: float)
     assert one.solve(solver).converged
 
 
+@pytest.mark.parametrize("solver", list(carom.problem.solvers()))
+@pytest.mark.parametrize("tol", [1e-4, 2e-3, 1e-2, 0.1])
+def test_no_tolerance_takes_what_closes_for_solved(solver: str, tol: float) -> None:
+    """The same two walls, and each slides: no r solves it. What has a solution is solved, however large its forces."""
+    walls = np.array([[1.0, 0, -1, 0], [0, 1, 0, 1], [-1, 0, 1, 0], [0, 1, 0, 1]])
+    for mu in (0.0, 0.3, 5.0):
+        closing = ContactProblem.from_matrices(walls, [-1, 0.2, -1, 0.3], [mu, mu])
+        assert not closing.solve(solver, tol=tol, on_nonconvergence="return").converged
+    n = 40  # a column, whose lowest forces are the sum of all above
+    chain = np.kron(2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1), np.diag([1.0, 0.0]))
+    column = ContactProblem.from_matrices(chain, np.tile([-1.0, 0.0], n), np.zeros(n))
+    found = column.solve(solver, tol=tol, on_nonconvergence="return")
+    assert found.converged
+    assert found.residual.penetration < 4 * np.sqrt(tol)
+
+
 def test_solvers_that_end_early_say_nothing_of_no_solution() -> None:
     for path in sorted((Path(__file__).parent / "data" / "contact_problems").glob("*velocity*.hdf5"))[::8]:
         problem = ContactProblem.from_fclib(path)

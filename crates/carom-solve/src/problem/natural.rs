@@ -87,12 +87,12 @@ const SQUARES: std::ops::Range<f64> = 1e-130..1e130;
 
 /// `err = |F| / max(|q|, |r|, |u|)`; 0 where all three are 0, infinite if `r` or `u` is not finite. Writes `u = W r + q`.
 pub fn residual(problem: &Problem, r: &[f64], u: &mut [f64]) -> f64 {
-    residuals(problem, r, u).0
+    residuals(problem, r, u)[0]
 }
 
-/// [`residual`], and `max(|F|, -u_N) / max(|q|, |u|)`: forces that run away on a singular W make the first as small as one likes where contacts
-/// cannot be kept apart, but not the second; and so does friction that lets the cone be nearly a half-space, beside which `F` is `u_N/mu`.
-pub fn residuals(problem: &Problem, r: &[f64], u: &mut [f64]) -> (f64, f64) {
+/// [`residual`], and `|F|` and `|min(u_N, 0)|` over `max(|q|, |u|)`: forces that run away on a singular W make the first as small as one likes where
+/// contacts cannot be kept apart, but not the others; and so does friction that lets the cone be nearly a half-space, beside which `F` is `u_N/mu`.
+pub fn residuals(problem: &Problem, r: &[f64], u: &mut [f64]) -> [f64; 3] {
     problem.velocity(r, u);
     let (moves, force) = (norm(&problem.q).max(norm(u)), norm(r));
     if SQUARES.contains(&moves.max(force)) {
@@ -103,12 +103,12 @@ pub fn residuals(problem: &Problem, r: &[f64], u: &mut [f64]) -> (f64, f64) {
     let mut largest = 0.0;
     for v in problem.q.iter().chain(r).chain(u.iter()) {
         if !v.is_finite() {
-            return (f64::INFINITY, f64::INFINITY);
+            return [f64::INFINITY; 3];
         }
         largest = v.abs().max(largest);
     }
     if largest == 0.0 {
-        return (0.0, 0.0);
+        return [0.0; 3];
     }
     let units = |v: &[f64]| -> Vec<f64> { v.iter().map(|x| x / largest).collect() };
     let (q, r, u) = (units(&problem.q), units(r), units(u));
@@ -116,24 +116,28 @@ pub fn residuals(problem: &Problem, r: &[f64], u: &mut [f64]) -> (f64, f64) {
     quotients(f, norm(&q).max(norm(&u)), norm(&r))
 }
 
-fn quotients([f, closing]: [f64; 2], moves: f64, force: f64) -> (f64, f64) {
+fn quotients([f, closing]: [f64; 2], moves: f64, force: f64) -> [f64; 3] {
     let over = |size: f64, by: f64| if size == 0.0 { 0.0 } else { size / by };
     match f.is_finite() {
-        true => (over(f, moves.max(force)), over(f.max(closing), moves)),
-        false => (f64::INFINITY, f64::INFINITY),
+        true => [
+            over(f, moves.max(force)),
+            over(f, moves),
+            over(closing, moves),
+        ],
+        false => [f64::INFINITY; 3],
     }
 }
 
-/// `|F|`, and the largest `-u_N` of a contact, at least 0.
+/// `|F|` and `|min(u_N, 0)|`.
 fn natural_map(problem: &Problem, r: &[f64], u: &[f64]) -> [f64; 2] {
-    let (mut sum, mut closing) = (0.0, 0.0f64);
+    let (mut sum, mut closing) = (0.0, 0.0);
     for group in &problem.groups {
         let rows = group.rows();
         if !group.bilateral {
-            closing = closing.max(-u[rows.start]);
+            closing += u[rows.start].min(0.0).powi(2);
         }
         let f = natural_part(group, &r[rows.clone()], &u[rows]);
         sum += f.iter().map(|f| f * f).sum::<f64>();
     }
-    [sum.sqrt(), closing]
+    [sum, closing].map(f64::sqrt)
 }

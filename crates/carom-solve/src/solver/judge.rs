@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 /// Where contacts cannot be kept apart, forces without bound make `err` as small as one likes, and so does friction without bound. Where they are, scaled, this
 /// many times the velocities, the natural map must come below the second number over velocities alone, and stands for
-/// `err` until then.
+/// `err` until then. Whatever the forces, velocities that close must come below it, or below the root of the tolerance: they stay where there is no solution.
 const RUNAWAY: f64 = 1e3;
 const EXPLAINED: f64 = 1e-3;
 
@@ -154,12 +154,14 @@ impl<'a> Judge<'a> {
     /// Measures a scaled iterate, keeps it if it is the best, and returns its `err`; of forces that ran away what they
     /// leave of the velocities.
     pub fn see(&mut self, y: &[f64]) -> f64 {
-        let (scaled, share) = natural::residuals(&self.scaled.problem, y, &mut self.u);
+        let [scaled, map, closing] = natural::residuals(&self.scaled.problem, y, &mut self.u);
         self.scaled.leave(y, &mut self.r);
         let given = natural::residual(self.source, &self.r, &mut self.u);
-        let ran_away = share > EXPLAINED && share > RUNAWAY * scaled;
+        let (tolerance, share) = (self.settings.tolerance, map.max(closing));
+        let ran_away = share > EXPLAINED && share > RUNAWAY * scaled
+            || scaled <= tolerance && closing > EXPLAINED.max(tolerance.sqrt());
         // No tolerance takes those that ran away.
-        let least = self.settings.tolerance * (1.0 + f64::EPSILON);
+        let least = tolerance * (1.0 + f64::EPSILON);
         let scaled = if ran_away { share.max(least) } else { scaled };
         let err = scaled.max(given);
         if err < self.best_err {
