@@ -197,6 +197,85 @@ def test_both_forms_say_the_same(tmp_path: Path) -> None:
         assert np.array_equal(again.local.q, other.local.q)
 
 
+def three_balls(load: str) -> carom.Scene:
+    """Balls that are thrown along a floor, one beside the other; `load` is what acts on them besides."""
+    made = carom.Scene("three", run={"until": 0.06, "step": 1e-3, "tolerance": 1e-11})
+    for other in ("m", "w"):
+        made.contact("m", other, friction=0.3, restitution=0.3)
+    if load == "a bowl":  # its normals turn with the balls
+        made.ball_wall("bowl", point=(0, 0, 0.1), radius=0.1, material="w", inside=True)
+    else:
+        made.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    if load == "a lid":
+        made.plane("lid", point=(0, 0, 0.024), normal=(0, 0, -1), material="w", free={"mass": 0.05})
+    for i in range(3):
+        x = (0.0201 * (i - 1), 0.001 * i, (0.0101 if load != "a bowl" else 0.0155) + 0.0005 * i)
+        spun = {"angular_velocity": (0, 5, 3 * i), "material": "m"}
+        made.sphere(f"b{i}", radius=0.01, mass=0.03, position=x, velocity=(0.5 - 0.4 * i, 0.1, -0.2), **spun)
+        if load == "drag":
+            made.drag(f"b{i}", translation=2.0, rotation=1e-4)
+    if load == "a spring":
+        made.spring("b0", "b2", stiffness=100.0, rest_length=0.035)
+    if load == "a function":
+        made.load_function(lambda t, x, v, w: np.hstack([-3 * v, -1e-4 * w]))
+    return made
+
+
+@pytest.mark.parametrize("load", ["none", "a bowl", "a lid", "drag", "a function", "a spring"])
+def test_positions_of_the_global_form_are_those_of_the_step(load: str, tmp_path: Path) -> None:
+    """`v` is how far bodies moved in the step, and `w` of what meets the floor the gap at its start."""
+    made, n = three_balls(load), 3
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CaromWarning)
+        run = carom.simulate(made, out=tmp_path / "run", save_problems="all", problem_form="global")
+    last = {}
+    for file in kept_files(tmp_path / "run"):
+        with h5py.File(file.path) as opened:
+            of_v, contacts = opened["carom/v_bodies"][:], opened["carom/bodies"][:]
+        if file.level == "position":
+            last[file.step, *of_v] = (file.path, of_v, contacts)  # what is solved once more counts
+    x = run.position
+    worst, met = 0.0, 0
+    for (step, *_), (path, of_v, contacts) in last.items():
+        problem = ContactProblem.from_fclib(path)
+        assert isinstance(problem.source, GlobalProblem)
+        v = problem.solve(tol=1e-12).v
+        assert v is not None
+        mass = problem.source.M.diagonal().reshape(-1, 6)
+        for body, own, way in zip(of_v, mass, v.reshape(-1, 6), strict=True):
+            if body >= n:  # the lid: its guide lets it neither turn nor slide
+                assert (load, body) == ("a lid", n)
+                assert (own[:3] == 0.05).all()
+                assert not np.delete(way, 2).any()
+            else:
+                worst = max(worst, np.abs(way[:3] - (x[step] - x[step - 1])[body]).max())
+        if load != "a bowl":
+            for gap, (a, b) in zip(problem.source.w[:: problem.dimension], contacts, strict=True):
+                if b == n + (load == "a lid"):
+                    worst, met = max(worst, abs(gap - (x[step - 1][a][2] - 0.01))), met + 1
+    assert len(last) > 5
+    assert (met > 5) == (load != "a bowl")
+    assert worst < 1e-13
+
+
+def test_joints_alone_are_no_contact_problem(tmp_path: Path) -> None:
+    """A chain that swings, and a ball that falls beside it: only the ball has contact problems."""
+    made = carom.Scene("chain", run={"until": 0.12, "step": 1e-3})
+    made.contact("m", "m", friction=0.4, restitution=0.3)
+    made.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for i in range(3):
+        made.sphere(f"b{i}", radius=0.01, mass=0.03, position=(0.1 + 0.03 * i, 0, 0.15), material="m")
+    made.sphere("c", radius=0.01, mass=0.03, position=(0.5, 0, 0.03), material="m")
+    made.joint("rod", between=("b0", "ground"), points=[(0.1, 0, 0.15), (0, 0, 0.2)])
+    made.joint("rod", between=("b0", "b1"))
+    made.joint("rod", between=("b1", "b2"))
+    for choice in ("worst:10", "all"):
+        carom.simulate(made, out=tmp_path / "run", save_problems=choice, force=True)
+        found = kept_files(tmp_path / "run")
+        assert (len(found) == 10) == (choice == "worst:10")
+        assert all(ContactProblem.from_fclib(file.path).contacts == 1 for file in found)
+
+
 def test_rows_of_a_problem_are_sparse() -> None:
     """W has the entries of contacts that share a sphere, and no dense matrix is made on the way."""
     n = 3000

@@ -232,8 +232,8 @@ class Simulation:
     def take_problems(self, hardest: bool) -> list[dict[str, Any]]:
         """Kept problems of the chosen steps since the last call, or the `hardest` so far; this forgets them.
 
-        Of each, with N nodes (spheres), C contacts, J joints and R rows, 6 for each contact (N, T1, T2, R1, R2, S),
-        then those of the joints: `level, step, time, part` (0, or the number of the attempt in a halved step),
+        Of each, with N nodes (spheres, free walls), C contacts, J joints and R rows, 6 for each contact (N, T1, T2, R1,
+        R2, S), then those of the joints: `level, step, time, part` (0, or the number of the attempt in a halved step),
         `island, index` (impact problem; 0: loads), `iterations, residual, converged, joints, worst`, `attempts` (the
         rungs of the ladder that were tried, in words);
         `spheres, mass, inertia (N,)`; `bodies (C+J,2)`; `bounds (C,3)` mu, rho, delta; `node (R,2)` of A and B, -1 for

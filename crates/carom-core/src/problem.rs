@@ -35,7 +35,7 @@ pub struct KeptProblem {
     pub converged: bool,
     /// How it was tried to solve it, rung by rung.
     pub attempts: Vec<Attempt>,
-    /// Per node: the sphere, its mass and its moment of inertia.
+    /// Per node: the sphere or free wall (as known outside), its mass and its moment of inertia.
     pub spheres: Vec<u32>,
     pub mass: Vec<f64>,
     pub inertia: Vec<f64>,
@@ -100,7 +100,11 @@ impl Solve<'_> {
                 [] => vec![self.report.attempt()],
                 several => several.to_vec(),
             },
-            spheres: self.spheres.iter().map(|&i| self.model.named(i)).collect(),
+            spheres: self
+                .spheres
+                .iter()
+                .map(|&i| self.model.outside(i))
+                .collect(),
             mass: system.inv_mass.iter().map(|im| 1.0 / im).collect(),
             inertia: system.inv_inertia.iter().map(|ii| 1.0 / ii).collect(),
             bodies: Vec::with_capacity(system.contacts.len()),
@@ -289,7 +293,7 @@ impl Keeper {
         }
     }
 
-    /// Keeps a problem, if it is wanted or was not solved.
+    /// Keeps a problem, if it is wanted or was not solved. Joints alone are no contact problem: of them only what failed is told.
     #[cold]
     pub(crate) fn keep(&mut self, solve: &Solve) {
         let mut problem = solve.state();
@@ -297,6 +301,9 @@ impl Keeper {
         (problem.part, problem.island) = (self.part, self.island);
         if !problem.converged {
             self.failed = Some(problem.clone());
+        }
+        if solve.members.is_empty() {
+            return;
         }
         self.rank(&problem);
         if self.chosen {

@@ -41,6 +41,27 @@ pub struct IslandScratch<'a> {
     pub pile: &'a mut Pile,
 }
 
+/// How a body has moved in the step before its positions are corrected: smoothly, and by loads that are solved once (`by_loads`).
+pub fn moved(
+    linear: &[Prediction],
+    angular: &[Prediction],
+    by_loads: &[[DVec3; 2]],
+    body: usize,
+) -> [DVec3; 2] {
+    let [way, turn] = by_loads.get(body).copied().unwrap_or_default();
+    [
+        linear[body].displacement + way,
+        angular[body].displacement + turn,
+    ]
+}
+
+impl IslandScratch<'_> {
+    /// At the position level.
+    pub fn moved(&self, body: usize) -> [DVec3; 2] {
+        moved(self.linear, self.angular, self.shift, body)
+    }
+}
+
 /// An island on its way through a level: what is asked, what it is solved with, and what the step reports.
 pub struct On<'r, 's> {
     pub task: &'r Task<'r>,

@@ -47,6 +47,13 @@ def multipliers(kept: Mapping[str, Any]) -> F64:
     return found
 
 
+def moving(kept: Mapping[str, Any]) -> I64:
+    """(n / 6,) the body that each six rows of `M` and `v` of the global form are of."""
+    of_body, _ = _used(kept, _rows(kept))
+    found: I64 = np.asarray(kept["spheres"], dtype=np.int64)[of_body >= 0]
+    return found
+
+
 def frames(kept: Mapping[str, Any]) -> F64:
     """(C, 3, 3) normal and tangents of the contacts, from B to A, world axes."""
     contacts = len(kept["bounds"])

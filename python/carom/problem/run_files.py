@@ -14,7 +14,8 @@ from typing import Any
 
 from carom.problem.errors import ContactProblemError, refuse
 from carom.problem.fclib import write_fclib
-from carom.problem.kept import frames, multipliers, state
+from carom.problem.global_ import GlobalProblem
+from carom.problem.kept import frames, moving, multipliers, state
 from carom.result.directory import RunDir
 
 FOLDER = "problems"
@@ -52,11 +53,15 @@ def file_name(kept: Mapping[str, Any]) -> str:
 
 def write_kept(path: Path, kept: Mapping[str, Any], form: str = "local") -> Path:
     """Write a problem as `Simulation.take_problems` and `failing_problem` give it."""
-    return write_fclib(state(kept, form), path, extra=origin(kept))
+    problem = state(kept, form)
+    of_v = {"v_bodies": moving(kept)} if isinstance(problem, GlobalProblem) else {}
+    return write_fclib(problem, path, extra={**origin(kept), **of_v})
 
 
 def keep_failing(directory: RunDir, kept: Mapping[str, Any], outcome: dict[str, Any]) -> None:
-    """Write the problem that a run could not solve, and say in its outcome where."""
+    """Write the problem that a run could not solve, and say in its outcome where; joints alone are no contact problem."""
+    if kept["joints"] == len(kept["bodies"]):
+        return
     try:
         outcome["problem_file"] = write_kept(directory.path / FAILING, kept).name
     except ContactProblemError as error:

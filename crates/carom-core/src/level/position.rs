@@ -79,11 +79,10 @@ fn correct_single(on: &mut On, m: u32) {
             normal: c.gap + model.inv_mass[i] * -of_load,
             ..single::ContactMeasures::default()
         };
-        let motion = [
-            scratch.linear[i].displacement,
-            scratch.angular[i].displacement,
-        ];
-        let shift = [model.inv_mass[i] * nu[0] * c.n1, DVec3::ZERO];
+        let per_load = model.inv_mass[i] * c.n1;
+        let [way, turn] = scratch.moved(i);
+        let motion = [way - of_load * per_load, turn];
+        let shift = [nu[0] * per_load, DVec3::ZERO];
         single::keep(on, m, 0, &z, nu, motion, shift);
     }
 }

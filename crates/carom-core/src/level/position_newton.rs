@@ -9,8 +9,8 @@ use crate::model::Model;
 use crate::outcome::Level;
 use crate::problem::{Keeper, Solve};
 use crate::rows::{along, flat, halves, Rows};
-use crate::stepper::{Prediction, Span};
-use crate::workspace::{IslandScratch, On, SolveScratch};
+use crate::stepper::Span;
+use crate::workspace::{self, IslandScratch, On, SolveScratch};
 use carom_solve::rows::{RowSystem, Subproblem, NODE_DOF};
 use carom_solve::{Bounds, Newton, NewtonOptions, SolveReport, Status};
 use glam::DVec3;
@@ -166,26 +166,16 @@ fn find(on: &mut On) -> SolveReport {
     on.report.add_position(&found);
     history[1].keep_longest(&newton.history, 0, island.contacts.len());
     if !found.converged || keeper.wants(found.iterations) {
-        let motion = motion(model, bodies, clumps, (linear, angular));
+        let moved = |i| workspace::moved(linear, angular, shift, i);
+        let motion = bodies
+            .iter()
+            .flat_map(|&b| flat(clumps.to_node(model, b, moved(b as usize))));
+        let motion: Vec<f64> = motion.collect();
         let solution = (&lambda[..], &u[..]);
         let solver = (&*newton, system, &mut measures);
         keep(keeper, solver, solution, (bodies, &motion), found);
     }
     found
-}
-
-/// How some bodies have moved, as the nodes of the solver.
-fn motion(
-    model: &Model,
-    bodies: &[u32],
-    clumps: &Clumps,
-    (linear, angular): (&[Prediction], &[Prediction]),
-) -> Vec<f64> {
-    let motions = bodies.iter().flat_map(|&b| {
-        let (lin, ang) = (&linear[b as usize], &angular[b as usize]);
-        flat(clumps.to_node(model, b, [lin.displacement, ang.displacement]))
-    });
-    motions.collect()
 }
 
 /// Starts from what the loads have moved along normals, which the correction counts from: empty where that is nothing, and as printed.

@@ -196,10 +196,10 @@ impl Pile {
             slip: DVec3::from(z.slip),
             impulse: DVec3::from(*r),
         });
-        let (linear, angular) = (on.scratch.linear, on.scratch.angular);
-        let motion = self.spheres.iter().map(|&i| {
-            let (linear, angular) = (&linear[i as usize], &angular[i as usize]);
-            [linear.displacement, angular.displacement]
+        let nodes = self.spheres.iter().zip(&self.taken);
+        let motion = nodes.map(|(&i, &taken)| {
+            let [way, turn] = on.scratch.moved(i as usize);
+            [way - taken, turn]
         });
         let Progress {
             residual,
