@@ -141,6 +141,67 @@ def test_at_rest_as_a_stop_condition() -> None:
         assert one.outcome.time == pytest.approx(0.06)
 
 
+LEVEL = {"point": (0, 0, 0), "normal": (0, 0, 1), "material": "g"}
+
+
+def lying() -> carom.Scene:
+    """A ball that lies still on a table, which the test has to add."""
+    scene = carom.Scene(gravity=(0, 0, -G), run={"until": 5.0, "step": 1e-3})
+    scene.contact("g", "g", friction=0.4, restitution=0.2, rolling_radius=3e-4)
+    scene.sphere("ball", material="g", radius=3e-3, density=2500, position=(0, 0, 3e-3))
+    return scene
+
+
+def ended(scene: carom.Scene, *named: str) -> float:
+    stop = events.AtRest(list(named) or None, hold=0.05)
+    result = carom.simulate(scene, stop=stop, callback_every=1)
+    assert result.outcome.kind == "stopped"
+    return result.outcome.time
+
+
+@pytest.mark.parametrize("kind", [{"radius": 3e-3}, {"spheres": [[0, 0, 0, 3e-3], [0, 0, 2e-3, 3e-3]]}])
+def test_balls_that_are_due_are_not_at_rest(kind: Any) -> None:
+    """All lay still before an inflow began, and in each pause of a slow one."""
+    scene = lying()
+    scene.plane("f", **LEVEL)
+    for name, x in (("a", -0.1), ("b", 0.1)):  # of clumps the second is behind the first
+        region = {"low": (x, -0.05, 0.01), "high": (x + 0.01, 0.05, 0.02)}
+        scene.inflow(
+            name, material="g", count=2, density=2500, region=region, seed=1, rate=3, start=0.2, **kind
+        )
+    last = 0.2 + 1 / 3
+    assert ended(scene) > last + 0.05
+    assert ended(scene, "ball") == pytest.approx(0.051)
+    first = next(name for name in scene.names if name.startswith("a1"))
+    assert 0.25 < ended(scene, first) < last
+
+
+def test_a_lid_that_falls_is_not_at_rest() -> None:
+    scene = lying()
+    scene.plane("f", **LEVEL)
+    scene.plane("lid", point=(0, 0, 0.1), normal=(0, 0, -1), material="g", free={"mass": 0.01})
+    fall = np.sqrt(2 * (0.1 - 6e-3) / G)
+    assert fall + 0.05 < ended(scene) < fall + 0.2
+    assert ended(scene, "ball") == pytest.approx(0.051)
+
+
+def test_what_motions_and_forces_have_still_to_do_is_waited_for() -> None:
+    """A gate that opens later, taken away or moved, and a push; a wall that moves for ever is not waited for."""
+    opens = {"table": [[0, 0], [0.3, 0], [0.35, -0.02], [5, -0.02]]}
+    for motion, last in (({"until": 0.3}, 0.3), ({"translation": (0, 0, opens)}, 0.35)):
+        scene = lying()
+        scene.plane("gate", **LEVEL, motion=motion)
+        scene.plane("f", **LEVEL | {"point": (0, 0, -0.02)})
+        assert last + 0.05 <= ended(scene) < 0.8
+    pushed = lying()
+    pushed.plane("f", **LEVEL)
+    pushed.load("ball", force=({"table": [[0, 0], [0.5, 0], [0.51, 1e-2], [0.52, 0]]}, 0, 0))
+    assert ended(pushed) > 0.57
+    turning = lying()
+    turning.plane("f", **LEVEL, motion={"rotation": {"axis": (0, 0, 1), "rate": 1e-4}})
+    assert ended(turning) == pytest.approx(0.051)
+
+
 def test_at_rest_can_ignore_a_ball_that_spins_on_the_spot() -> None:
     """Spin about z does not count then; back spin still does, which would set the ball in motion."""
     spinning = carom.Scene(gravity=(0, 0, 0), run={"until": 0.2, "step": 1e-3})

@@ -219,8 +219,12 @@ def departures(result: RunData) -> list[Event]:
 
 
 class AtRest:
-    """A stop condition for `carom.simulate(scene, stop=AtRest())`: all balls, or those named (one or several), lay still for
-    `hold` s.
+    """A stop condition for `carom.simulate(scene, stop=AtRest())`: all that can move lay still for `hold` s.
+
+    That is every ball that is there and every free wall, and nothing may be due: no ball of an inflow, no wall with an
+    `until`, no table of the time of a motion, a joint or a force that still changes. What such a table or `until` does later
+    would end the rest. A wall whose motion has no end, as a drum with a `rate` or a formula, does not count: balls are at
+    rest in it where they are. With names of balls, one or several, only these are asked, and whether they have entered.
 
     Still is |v| and r |w| below `speed`, m/s. A ball at the top of its way is no slower than that for 2 speed/g, 0.2 ms:
     that is what `hold` is for. With `ignore_spin` the spin about z does not count: a ball on a horizontal bed may turn on
@@ -246,7 +250,11 @@ class AtRest:
         """Whether all are still, and were for long enough."""
         chosen = slice(None) if self.bodies is None else [_index(n, view.names) for n in self.bodies]
         motion = view.velocity[chosen], view.angular_velocity[chosen], view.radius[chosen]
-        if not (_still(*motion, self.speed, self.ignore_spin) | ~view.present[chosen]).all():
+        still = bool((_still(*motion, self.speed, self.ignore_spin) | ~view.present[chosen]).all())
+        if still and self.bodies is None:
+            still = bool((np.abs(view.free_walls[:, 1]) <= self.speed).all())
+            still &= view.time >= view.last_change
+        if not still or view.due[chosen].any():
             self._since = None
             return False
         if self._since is None or self._since > view.time:  # later than now: of another run

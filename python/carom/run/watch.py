@@ -8,12 +8,13 @@ bits of one without.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from carom.arrays import F64, Array
+from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError
 from carom.numeric import is_whole
 from carom.result.kinematics import Body, Motion
@@ -25,6 +26,19 @@ if TYPE_CHECKING:
     from carom._core import Block
     from carom._core import Simulation as Core
     from carom.run.result import Result
+
+
+#: What of a core's model has laws of the time.
+_DRIVEN = ("wall_motion", "free_walls", "joints", "loads", "deformation")
+
+
+def _last_change(part: object) -> float:
+    """Of a part of a model: the end of the last `until` or table in it, s; 0 of what has none."""
+    if isinstance(part, Mapping):
+        return max([float(part.get("until", 0.0)), *map(_last_change, part.values())])
+    if isinstance(part, tuple) and len(part) == 2 and part[0] == "table":
+        return max((b[0] for a, b in itertools.pairwise(part[1]) if a[1] != b[1]), default=0.0)
+    return max(map(_last_change, part), default=0.0) if isinstance(part, list | tuple) else 0.0
 
 
 class State(Motion[Array]):
@@ -61,6 +75,28 @@ class State(Motion[Array]):
         """
         frame = self._fetch()
         return np.array(frame["clumps"]) if "clumps" in frame else np.zeros((0, 13))
+
+    @property
+    def due(self) -> Bool:
+        """Which balls an inflow has still to let in, (N,)."""
+        count, flows = len(self.names), self._model.get("inflow", ())
+        due, clumps = np.zeros(count, dtype=bool), [clump["balls"] for clump in self._model.get("clumps", ())]
+        done = self._fetch_allowed().state()["entered"] if flows else ()
+        for flow, entered in zip(flows, done, strict=True):
+            first, many = flow["bodies"]
+            if entered < many:  # clumps are bodies behind the balls
+                ends = (int(first + entered), first + many - 1)
+                (low, _), (_, high) = ((k, k + 1) if k < count else clumps[k - count] for k in ends)
+                due[low:high] = True
+        return due
+
+    @property
+    def last_change(self) -> float:
+        """When the last table of the time, of motions, joints and forces, and the last `until` of a wall is over, s.
+
+        Motions and forces that are formulas go on for ever, and are not asked.
+        """
+        return max(_last_change(self._model.get(key, ())) for key in _DRIVEN)
 
     @property
     def radius(self) -> F64:
