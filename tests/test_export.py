@@ -102,6 +102,26 @@ def test_contact_glyphs_stand_where_the_balls_touch_and_carry_their_weight(
     assert (upward > 0).all()  # it pushes A away from B
 
 
+def test_contacts_that_are_still_closed_have_the_branch_of_the_frame(tmp_path: Path) -> None:
+    """Of bodies that have parted since, normal and gap are of an earlier time than the places, which nothing said."""
+    scene = carom.Scene("hit", run={"until": 0.05, "step": 1e-3}, record={"every": 10})
+    scene.contact("m", "m", friction=0.5, restitution=0.8)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for name, x, z, speed in (("low", 0, 1, 0), ("top", 0, 3, 0), ("hit", 5, 1, 0), ("hits", 7.5, 1, -1)):
+        place = {"at": (x * R, 0, z * R), "velocity": (speed, 0, 0)}
+        scene.sphere(name, radius=R, density=2500, material="m", **place)
+    result = carom.simulate(scene)
+    found = arrays(steps_of(result.export(tmp_path, "vtkhdf")[1])[1][1])
+    a, b = (found[name].astype(int) for name in ("body_a", "body_b"))
+    pair, centre = b < 4, np.asarray(result.position[1])
+    assert {(int(i), int(j)): int(c) for i, j, c in zip(a, b, found["closed"], strict=True)} == {
+        (0, 1): 1, (2, 3): 0, **{(k, 4): 1 for k in (0, 2, 3)}
+    }  # fmt: skip
+    off = np.linalg.norm(centre[a[pair]] - centre[b[pair]] - found["branch"][pair], axis=1)
+    assert off[found["closed"][pair] == 1] == pytest.approx(0.0, abs=1e-9 * R)
+    assert (off[found["closed"][pair] == 0] > 0.1 * R).all()
+
+
 def test_the_files_need_no_package_beyond_the_base(column: carom.Result, tmp_path: Path) -> None:
     """What VTK would read, by h5py alone: this runs where VTK is not installed."""
     column.export(tmp_path, "vtkhdf", every=2)

@@ -32,6 +32,7 @@ CARRIED = {
     "impulse": 3,
     "moment": 3,
     "gap": 1,
+    "closed": 1,
     "body_a": 1,
     "body_b": 1,
 }
@@ -51,7 +52,7 @@ def write(selection: Selection, directory: Path) -> list[Path]:
             file.writelines(_lines(frame))
     if selection.with_contacts:
         files.append(directory / "contacts.extxyz")
-        kinds = {"body_a": "I", "body_b": "I"}
+        kinds = dict.fromkeys(("closed", "body_a", "body_b"), "I")
         columns = ":".join(f"{name}:{kinds.get(name, 'R')}:{width}" for name, width in CARRIED.items())
         radius, step = np.asarray(selection.result.bodies["radius"]), np.asarray(selection.result.step)
         with whole_file(files[1]) as temporary, open(temporary, "w", encoding="utf-8") as file:

@@ -10,7 +10,7 @@ import numpy as np
 
 from carom.arrays import F64, I64, Array
 from carom.export.frames import Block, Selection
-from carom.measure.contacts import along_and_across
+from carom.measure.contacts import along_and_across, closed
 
 #: What `contact_glyphs` gives beside the points, in this order, with units.
 GLYPHS = {
@@ -23,6 +23,7 @@ GLYPHS = {
     "friction_force": "N",
     "gap": "m",
     "status": "1",
+    "closed": "1",
     "body_a": "1",
     "body_b": "1",
 }
@@ -44,8 +45,10 @@ class Glyphs:
     place (see `contact_glyphs`), and `data` by the names of `GLYPHS`, (C,) or (C, 3): `normal` points from B to A;
     `branch` from the centre of B (of a wall: from the contact) to that of A; `impulse` on A and `moment` since the
     recorded frame before; `force` their mean over that time, with its part `normal_force` along the normal and the size
-    `friction_force` of the rest; `status` 0 open, 1 stick, 2 slip; `body_a` and `body_b` indices, of walls counted after
-    the balls.
+    `friction_force` of the rest; `status` 0 open, 1 stick, 2 slip; `closed` 1 where the bodies still touch at the frame, 0
+    where they have parted since; `body_a` and `body_b` indices, of walls counted after the balls.
+
+    Normal, branch, gap and status are those of the last step in which the contact was closed, as in the table.
     """
 
     frames: I64
@@ -74,7 +77,8 @@ class Glyphs:
 def contact_glyphs(selection: Selection, *, everything: bool = False) -> Iterator[Glyphs]:
     """The contacts of all chosen frames, some megabytes at a time.
 
-    A contact of two balls lies in the middle of their gap, one with a wall on the wall, where the balls are at the frame. Of
+    A contact of two balls lies in the middle of their gap, one with a wall on the wall, seen from A where that is at the
+    frame: of bodies that have parted since it is on the surface of A, where they last touched. Of
     one whose balls have all left since nobody knows where it is: it is left out, unless `everything` is asked for.
     """
     for block in selection.blocks():
@@ -107,17 +111,17 @@ def _glyphs(
     gap = column["gap"][:, None]
     pair = b < count
     reach = radius[a][:, None] + np.where(pair[:, None], 0.5 * gap, gap)
-    position = block.quantities["position"][part]
-    points = position[own, a] - reach * column["normal"]
+    position, of_b = block.quantities["position"][part], np.minimum(b, count - 1)
+    place, index = (position[own, a], position[own, of_b]), frames[part]
+    points = place[0] - reach * column["normal"]
     if block.present is not None:
         # A ball may have left since the contact, and then the other one tells its place.
-        there, of_b = block.present[part], np.minimum(b, count - 1)
-        from_b = position[own, of_b] + (radius[of_b][:, None] + 0.5 * gap) * column["normal"]
+        there = block.present[part]
+        from_b = place[1] + (radius[of_b][:, None] + 0.5 * gap) * column["normal"]
         b_there = (pair & there[own, of_b])[:, None]
         points = np.where(there[own, a][:, None], points, np.where(b_there, from_b, np.nan))
-    other = np.where(pair, radius[np.minimum(b, count - 1)], 0.0)[:, None]
+    other = np.where(pair, radius[of_b], 0.0)[:, None]
     branch = (radius[a][:, None] + gap + other) * column["normal"]
-    index = frames[part]
     elapsed = np.where(index > 0, selection.time[index] - selection.time[index - 1], np.inf)
     force = column["impulse"] / elapsed[own][:, None]
     along, across = along_and_across(force, column["normal"])
@@ -128,6 +132,7 @@ def _glyphs(
         "normal_force": along,
         "friction_force": across,
         "status": column["status"].astype(np.int64),
+        "closed": closed(selection.result, body, column["gap"], place, index[own]).astype(np.int64),
         "body_a": a,
         "body_b": b,
     }

@@ -34,6 +34,7 @@ CARRIED: dict[str, tuple[int, ...]] = {
     "friction_force": (),
     "gap": (),
     "status": (),
+    "closed": (),
 }
 
 
