@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -126,6 +127,18 @@ def test_heaps_cut_out_of_a_packing_have_their_angles(packed: Packed) -> None:
     assert abs(np.mean(off)) < 0.25  # a standard deviation of 0.35, nine heaps
     assert max(error) < 0.6
     assert 0.5 < np.sqrt(np.mean((np.array(off) / error) ** 2)) < 1.8
+
+
+def test_a_heap_of_few_layers_is_found_too_flat_and_says_so(packed: Packed) -> None:
+    """By more than its error, which knows nothing of the layer on the ground."""
+    flat = cut(packed, lambda d: math.tan(math.radians(10)) * (0.085 - d), 0.0)
+    with pytest.warns(CaromWarning, match=r"the heap is 2\.\d mean diameters high; below 5"):
+        found = granular.heap_angle(Snapshot(flat, np.full(len(flat), 0.003)))
+    assert found.degrees < 10 - np.degrees(found.error)
+    steep = cut(packed, lambda d: math.tan(math.radians(26)) * (0.085 - d), 0.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        granular.heap_angle(Snapshot(steep, np.full(len(steep), 0.003)))
 
 
 def test_single_grains_do_not_tilt_a_dome(packed: Packed) -> None:

@@ -31,7 +31,7 @@ def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], fr
     time = np.asarray(result.time)[frame]
     walls = list(result.walls.values()) if (b >= count).any() else []
     for k in np.unique(b[b >= count]):
-        rows = (b == k) & np.isfinite(gap)
+        rows = (b == k) & np.isfinite(place[0]).all(axis=1)
         gap[rows] = walls[k - count].gap(place[0][rows], own[rows], time[rows])
     least = np.where(b < count, np.minimum(own, other), own)
     return np.asarray(gap <= np.maximum(recorded, 0.0) + TOUCHING * least)

@@ -21,6 +21,7 @@ _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
 _APART = 0.1  # share of the balls that may be apart from a column
 _MOST_PAIRS = 500_000  # of the points of a surface
 _UPRIGHT = 0.7  # cosine between an axis and gravity from which it is vertical rather than horizontal
+_FLAT = 5.0  # mean diameters: in a lower heap the layer on the ground, which has no slope, is a part of the surface
 _ROUNDS = 3  # of choosing the part of a planar slope from the line fitted before
 
 
@@ -79,7 +80,9 @@ def heap_angle(
 
     The foot is taken twice as far as half of the solid reaches, as in a cone: no single grain moves it. In cones of 22 to 26
     degrees cut out of random packings, 18 diameters in radius, the angle is 0.05 degrees too low on average and scatters by
-    0.2, which is the stated error. The angle of a heap that is no cone depends on the part: compare `inner` and `outer`.
+    0.2, which is the stated error. Heaps lower than 5 mean diameters are found too flat, by more than that, which a warning
+    says: balls lie on the ground in layers, and the lowest has no slope. The angle of a heap that is no cone depends on the
+    part: compare `inner` and `outer`.
 
     Raises:
         CaromError: fewer than three balls side by side or on the slope; too few for a standard error; an unknown shape; a
@@ -103,7 +106,7 @@ def heap_angle(
     distance, sector, aside = _seen_from_above(s.up, x, shape, axis, direction, sectors)
     if len(x) < 3 or np.ptp(distance) == 0.0:
         raise CaromError("a heap has at least three balls side by side; take another frame")
-    foot = 2.0 * _half(distance, s.volume)
+    foot, ground = 2.0 * _half(distance, s.volume), float((height - 2.0 * s.radius).min())
     width = cell * 2.0 * float(s.radius.mean())
     row = np.floor((distance - (distance.min() if shape == "planar" else 0.0)) / width)
     if shape == "planar":
@@ -121,6 +124,7 @@ def heap_angle(
     if not _enough(distance[used]):
         raise CaromError("too few balls on the slope for a fit; give fewer sectors, or a wider `between`")
     slope, apex = _theil_sen(distance[used], height[used])
+    high = (apex + max(slope * distance.min(), slope * distance.max()) - ground) / (width / cell)
     near = distance <= np.median(distance[used])
     inner, outer = (_angle(distance[k], height[k]) for k in (used & near, used & ~near))
     angles = np.array([_angle(distance[k], height[k]) for k in _leave_one_out(used, sector)])
@@ -131,6 +135,13 @@ def heap_angle(
             " too few for a standard error; take a frame with a heap, or sectors=1 for an angle without error"
         )
     error = float(np.sqrt((n - 1) / n * ((angles - angles.mean()) ** 2).sum())) if n > 1 else float("nan")
+    if high < _FLAT:
+        warnings.warn(
+            f"heap_angle: the heap is {high:.1f} mean diameters high; below {_FLAT:g} the layer on the ground tilts the"
+            " line, by more than the error; take more or smaller grains",
+            CaromWarning,
+            stacklevel=2,
+        )
     return HeapAngle(float(np.arctan(-slope)), error, inner, outer, apex, distance, height, used)
 
 
