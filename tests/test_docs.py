@@ -38,6 +38,14 @@ def test_no_cell_shows_a_whole_scenario_file_by_its_last_line(page: Path) -> Non
         assert ".to_toml(" not in re.sub(r"^\w+ = ", "", cell.rstrip().splitlines()[-1])[:30], cell
 
 
+@pytest.mark.parametrize("page", notebooks(), ids=lambda page: page.stem)
+def test_figures_have_room_for_their_titles_without_the_settings_of_the_documentation(page: Path) -> None:
+    """Whoever downloads a notebook had legends over titles: only a file of the documentation laid figures out."""
+    assert "constrained" not in (DOCS / "matplotlibrc").read_text("utf-8")
+    for call in re.findall(r"subplots\((.*?)\)\n", program(page), re.S):
+        assert 'layout="constrained"' in call
+
+
 def test_the_order_of_the_tutorial_is_what_its_text_says() -> None:
     """docs/tutorial.md, section 5: order 1.1 from 2 ms to 0.5 ms, no shrinking at the end, and a warning of the scatter."""
     page = DOCS / "tutorial.md"
