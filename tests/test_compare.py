@@ -10,6 +10,7 @@ import carom
 import numpy as np
 import pytest
 from carom.many.compare import default_methods, method_options
+from carom.scene.tables.impact_laws import LAWS
 from carom.show.plot.comparison import beside
 from typer.testing import CliRunner
 
@@ -277,6 +278,12 @@ def test_methods_that_know_no_clumps_are_left_out() -> None:
     found = carom.compare(scene)
     assert [run.name for run in found] == ["nsga"]
     assert "moreau is left out: compare: method: clumps need method nsga, found moreau" in found.remarks
+    laws = carom.compare(scene, laws="all")
+    cause = "compare: impact: clumps need another impact law than sequence-paper"
+    assert laws.remarks == (f"nsga+sequence-paper is left out: {cause}",)
+    assert len(laws) == len(LAWS) - 1
+    with pytest.raises(carom.CaromError, match=cause):  # it was named
+        carom.compare(scene, laws=list(LAWS))
 
 
 def test_a_ball_that_left_has_no_number_and_others_have_theirs(tmp_path: Path) -> None:

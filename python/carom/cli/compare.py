@@ -39,7 +39,7 @@ def compare(
         ),
     ] = None,
     laws: Annotated[
-        str | None, option("--laws", "A,B", "Compare impact laws instead of methods; all: every law.")
+        str | None, option("--laws", "A,B", "Compare impact laws instead of methods; all: every law that fits.")
     ] = None,
     plot: Annotated[
         Path | None,

@@ -222,11 +222,7 @@ def _able(
             f"compare {', '.join(able)}, which can take the scene" if able else str(first).partition("; ")[2]
         )
         raise CaromError(f"{told}; {cure}")
-    if named:
-        return able, ()
-    pair = "events,nsga" if scene.run.method == "events" else f"{scene.run.method},events"
-    told = f"events is left out: it takes fewer scenes and is named, as {pair}"
-    return able, (*(f"{name} is left out: {cause}" for name, cause in causes.items()), told)
+    return able, tuple(f"{name} is left out: {cause}" for name, cause in causes.items())
 
 
 def method_options(name: str) -> dict[str, Any]:
@@ -266,7 +262,7 @@ def compare(
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
-    With `laws` impact laws are compared by the scene's own method: "all", or names such as `("sequence", "poisson")`.
+    With `laws` impact laws are compared by the scene's own method: "all" that can take it, or names such as `("sequence", "poisson")`.
     `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all but "events" that can take the scene.
     `at` are times (s, on the grid of the steps) that are compared besides the end. `case` and `parameters` choose a variant
     of a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
@@ -283,7 +279,7 @@ def compare(
             if law not in LAWS:
                 raise CaromError(f"no impact law is called {law!r}; {did_you_mean(law, list(LAWS))}")
         methods = [f"{scene.run.method}+{law}" for law in found]
-    given = default_methods() if methods is None else methods
+    named, given = laws != "all" and methods is not None, default_methods() if methods is None else methods
     names = [given] if isinstance(given, str) else list(given)
     if not names:
         raise CaromError("name at least one method to compare")
@@ -302,7 +298,10 @@ def compare(
     every = _spacing(math.gcd(*wanted), plan.steps)
     for advice in scene.validate():
         warnings.warn(str(advice), CaromWarning, stacklevel=3)
-    chosen, remarks = _able(scene, chosen, methods is not None)
+    chosen, remarks = _able(scene, chosen, named)
+    if methods is None:
+        pair = "events,nsga" if scene.run.method == "events" else f"{scene.run.method},events"
+        remarks += (f"events is left out: it takes fewer scenes and is named, as {pair}",)
     floors = _floors(scene)
     sizes: Mapping[str, float] = {}
     frames, absent = [n // every for n in wanted], np.zeros((len(wanted), len(scene.names)), dtype=bool)
