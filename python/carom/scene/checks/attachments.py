@@ -124,6 +124,17 @@ def _functions(parts: Parts) -> Iterator[Finding]:
             yield Finding(("load_function", i), cause, cure)
 
 
+def check_rods(parts: Parts) -> Iterator[Finding]:
+    """A rod whose law brings its ends together within the run: then it has no direction."""
+    for i, joint in parts.tables(Joint):
+        if isinstance(law := joint.length, dict):
+            gone = next((t for t in parts.times() if value_at(law, t) <= 0), None)
+            if gone is not None:
+                cause = f"falls to {value_at(law, gone):.4g} m at t = {gone:.4g} s"
+                cure = "a rod has a positive length: change the law or until"
+                yield Finding(("joint", i, "length"), cause, cure)
+
+
 def advise_loads(parts: Whole) -> Iterator[Finding]:
     """Advice on laws and springs."""
     yield from _laws(parts)
@@ -132,7 +143,7 @@ def advise_loads(parts: Whole) -> Iterator[Finding]:
 
 
 def _laws(parts: Whole) -> Iterator[Finding]:
-    """Laws of the time that break off within the run, rods that vanish in it."""
+    """Laws of the time that break off within the run."""
     times = parts.times()
     for section, keys in (("joint", ("length", "displacement", "angle")), ("load", ("force", "torque"))):
         for i, table in parts.entries[section]:
@@ -140,20 +151,14 @@ def _laws(parts: Whole) -> Iterator[Finding]:
                 given = getattr(table, key)
                 for law in given if isinstance(table, Load) else (given,):
                     if isinstance(law, dict):
-                        yield from _broken((section, i, key), law, times, positive=key == "length")
+                        yield from _broken((section, i, key), law, times)
 
 
-def _broken(
-    path: tuple[str, int, str], law: LawValue, times: list[float], *, positive: bool
-) -> Iterator[Finding]:
+def _broken(path: tuple[str, int, str], law: LawValue, times: list[float]) -> Iterator[Finding]:
     for t in times:
         value = value_at(law, t)
         if not math.isfinite(value):
             yield Finding(path, f"has no finite value at t = {t:.4g} s{fault_at(law, t)}", BREAKS)
-            return
-        if positive and value <= 0:
-            cause = f"falls to {value:.4g} m at t = {t:.4g} s"
-            yield Finding(path, cause, "a rod has a positive length: change the law or until")
             return
 
 

@@ -20,7 +20,7 @@ from carom.scene.assembly.bodies import Bodies, expand
 from carom.scene.assembly.mechanics import MECHANICS
 from carom.scene.assembly.placing import Placed, placed_walls
 from carom.scene.checks.areas import check_areas
-from carom.scene.checks.attachments import check_names
+from carom.scene.checks.attachments import check_names, check_rods
 from carom.scene.checks.clumps import check_clumps, check_size, usable_clumps
 from carom.scene.checks.deformation import check_deformation
 from carom.scene.checks.flow import check_flow
@@ -139,6 +139,7 @@ def check(parts: Parts) -> Iterator[Finding]:
     yield from check_clumps(parts)
     yield from check_deformation(parts)
     yield from check_penalty(parts)
+    yield from check_rods(parts)
     wrong_names = list(check_names(parts))
     yield from wrong_names
     if len(parts.bodies().names) == 0:
