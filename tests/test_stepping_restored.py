@@ -255,7 +255,7 @@ def test_what_a_controller_gives_is_taken_as_numbers_and_the_rest_refused_by_nam
     whole = (struck * 4).astype(int)
     sim.restore(state | {"velocity": whole})
     np.testing.assert_array_equal(sim.velocity[0], (2.0, -8.0, 1.0))
-    for given in (struck, struck.astype(np.float32), struck.tolist()):
+    for given in (struck, struck.astype(np.float16), struck.astype(np.float32), struck.tolist()):
         sim.restore(state | {"velocity": given})
         sim.step(3)
         ends.append(sim.position.tobytes())
@@ -270,6 +270,13 @@ def test_what_a_controller_gives_is_taken_as_numbers_and_the_rest_refused_by_nam
         told = rf"^restore: velocity must be an array of float64 \(n, 3\), found {found}$"
         with pytest.raises(carom.CaromError, match=told):
             sim.restore(state | {"velocity": given})
+    for key in state:
+        masked = np.ma.array(state[key], mask=True)
+        if masked.size:
+            with pytest.raises(carom.CaromError, match=f"^restore: {key} has masked numbers"):
+                sim.restore(state | {key: masked})
+    sim.restore(state | {"velocity": np.ma.array(struck)})  # nothing is masked
+    np.testing.assert_array_equal(sim.velocity[0], struck[0])
 
 
 @pytest.mark.parametrize(("key", "unit"), [("velocity", "m/s"), ("angular_velocity", "rad/s")])

@@ -39,7 +39,8 @@ def compare(
         ),
     ] = None,
     laws: Annotated[
-        str | None, option("--laws", "A,B", "Compare impact laws instead of methods; all: every law that fits.")
+        str | None,
+        option("--laws", "A,B", "Compare impact laws instead of methods; all: every law that fits."),
     ] = None,
     plot: Annotated[
         Path | None,

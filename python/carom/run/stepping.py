@@ -237,6 +237,8 @@ class Simulation(State):
             cure = did_you_mean(unknown[0], list(self._known))
             raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
         kept = dict(state)
+        if masked := next((key for key, value in kept.items() if np.ma.is_masked(value)), None):
+            raise CaromError(f"restore: {masked} has masked numbers, which are none; fill them")
         if "step" in kept:
             kept["step"] = _whole(kept["step"])
         # A state of version 0.2.0 does not say where it is from.
