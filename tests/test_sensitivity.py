@@ -186,8 +186,34 @@ def test_a_law_of_friction_is_no_single_number() -> None:
     assert carom.sensitivity(scene, ["ball/cloth.friction"]).of("cue")[0, 0] == pytest.approx(
         -0.049, rel=1e-6
     )
-    with pytest.raises(carom.CaromError, match=r'"gravity" is not one number; let a function build'):
+    with pytest.raises(
+        carom.CaromError, match=r'"gravity" is not one number; name its component, as gravity.x'
+    ):
         carom.sensitivity(scene, ["gravity"])
+    with pytest.raises(carom.CaromError, match=r'^sensitivity: "cue.mass.z": "mass" has no z$'):
+        carom.sensitivity(scene, ["cue.mass.z"])
+
+
+def test_gravity_has_components() -> None:
+    """A ball dropped by z is at `u s - g s^2/2` after its hit, `s = t - sqrt(2 z/g)`, `u = e sqrt(2 g z)`."""
+    z, e, until = 0.5, 0.7, 0.5
+    scene = carom.Scene("a drop", gravity=(0, 0, -G), run={"method": "events", "until": until, "step": until})
+    scene.contact("ball", "bed", friction=0.2, restitution=e)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.sphere("ball", radius=0.02, mass=0.1, position=(0, 0, 0.02 + z), material="ball")
+    found = carom.sensitivity(scene, ["gravity.z"])
+    fall, u = math.sqrt(2.0 * z / G), e * math.sqrt(2.0 * G * z)
+    s, du, ds = until - fall, 0.5 * u / G, 0.5 * fall / G
+    place, speed = du * s + u * ds - 0.5 * s * s - G * s * ds, du - s - G * ds
+    assert found.position[0, 0, 2] == pytest.approx(-place, rel=1e-7)
+    assert found.velocity[0, 0, 2] == pytest.approx(-speed, rel=1e-7)
+    both = {"gravity": [[0.0, 0.0, -G]], "gravity.z": [-G]}
+    with pytest.raises(carom.CaromError, match=r'"gravity.z" and "gravity" both give the same numbers'):
+        carom.simulate_batch(scene, both)
+    wide = carom.simulate_batch(scene, {"gravity": [[0.0, 0.0, -2 * G]]})
+    np.testing.assert_array_equal(
+        carom.simulate_batch(scene, {"gravity.z": [-2 * G]}).position, wide.position
+    )
 
 
 def test_where_there_is_no_derivative_it_says_so() -> None:

@@ -57,8 +57,10 @@ class _Place:
 class Overrides:
     """B cases of a scene. All names and shapes are checked at once; numbers are left to the core."""
 
-    def __init__(self, scene: Scene, parameters: Mapping[str, Values]) -> None:
-        self._scene = scene
+    def __init__(
+        self, scene: Scene, parameters: Mapping[str, Values], caller: str = "simulate_batch"
+    ) -> None:
+        self._scene, self._caller = scene, caller
         self._base = scene.to_model() | law_arrays(scene._tree)
         self._names = {name: i for i, name in enumerate(scene.names)}
         self._parts = {ball: clump.name for clump in scene.clumps for ball in clump.ball_names()}
@@ -79,24 +81,24 @@ class Overrides:
         try:
             values = np.array(given, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise CaromError(f"simulate_batch: {quoted(key)} must be numbers in SI ({error})") from None
+            raise CaromError(f"{self._caller}: {quoted(key)} must be numbers in SI ({error})") from None
         if values.ndim == 0 or values.shape[1:] != shape:
             wanted = ", ".join(["B", *map(str, shape)]) + ("," if not shape else "")
             raise CaromError(
-                f"simulate_batch: {quoted(key)} has shape {values.shape}, wanted ({wanted}), one row per case"
+                f"{self._caller}: {quoted(key)} has shape {values.shape}, wanted ({wanted}), one row per case"
             )
         if self.values and len(values) != self.cases:
             first = next(iter(self.values))
             raise CaromError(
-                f"simulate_batch: {quoted(key)} has {len(values)} rows and {quoted(first)} has {self.cases};"
+                f"{self._caller}: {quoted(key)} has {len(values)} rows and {quoted(first)} has {self.cases};"
                 " give one row per case of each"
             )
         if len(values) == 0:
-            raise CaromError(f"simulate_batch: {quoted(key)} has no rows; give one per case")
+            raise CaromError(f"{self._caller}: {quoted(key)} has no rows; give one per case")
         for other, taken in self._places.items():
             if taken.array == place.array and _meet(taken.index, place.index):
                 raise CaromError(
-                    f"simulate_batch: {quoted(key)} and {quoted(other)} both give the same numbers"
+                    f"{self._caller}: {quoted(key)} and {quoted(other)} both give the same numbers"
                 )
         self.cases = len(values)
         self.values[key], self._places[key] = values, place
@@ -108,12 +110,12 @@ class Overrides:
         if key in WIDTHS:
             if self._parts:
                 raise CaromError(
-                    f"simulate_batch: {quoted(key)} of all balls: the scene has clumps, whose balls move as one;"
+                    f"{self._caller}: {quoted(key)} of all balls: the scene has clumps, whose balls move as one;"
                     f' name the spheres one by one, as "cue.{key}"'
                 )
             if key in QUANTITIES and self._absent.any():
                 raise CaromError(
-                    f"simulate_batch: {quoted(key)} of all balls: those of inflows enter where and as their table says;"
+                    f"{self._caller}: {quoted(key)} of all balls: those of inflows enter where and as their table says;"
                     f' name the spheres one by one, as "cue.{key}"'
                 )
             width = WIDTHS[key]
@@ -124,15 +126,17 @@ class Overrides:
             owner, _, quantity = owner.rpartition(".")
             width = WIDTHS.get(quantity, 0)
             axes = "wxyz" if width == 4 else "xyz"
+            if key == f"gravity.{letters}" and letters in axes:
+                return _Place("gravity", (axes.index(letters),)), ()
             if not width or letters not in axes:
-                raise CaromError(f"simulate_batch: {quoted(key)}: {quoted(quantity)} has no {letters}")
+                raise CaromError(f"{self._caller}: {quoted(key)}: {quoted(quantity)} has no {letters}")
             return _Place(quantity, (self._body(key, owner, quantity), axes.index(letters))), ()
         if "/" in owner and (quantity in LAW_KEYS or owner not in self._names):
             return self._law(key, owner, quantity), ()
         if quantity not in WIDTHS:
             known = [*WIDTHS, "gravity"]
             raise CaromError(
-                f"simulate_batch: {quoted(key)} names no quantity; {did_you_mean(quantity or key, known)};"
+                f"{self._caller}: {quoted(key)} names no quantity; {did_you_mean(quantity or key, known)};"
                 ' write "velocity", "cue.velocity", "cue.velocity.x" or "ball/cloth.friction"'
             )
         width = WIDTHS[quantity]
@@ -141,16 +145,16 @@ class Overrides:
     def _body(self, key: str, owner: str, quantity: str) -> int:
         if owner not in self._names:
             cure = among(owner, list(self._names))
-            raise CaromError(f"simulate_batch: {quoted(key)}: no ball is called {quoted(owner)}; {cure}")
+            raise CaromError(f"{self._caller}: {quoted(key)}: no ball is called {quoted(owner)}; {cure}")
         if owner in self._parts:
             raise CaromError(
-                f"simulate_batch: {quoted(key)}: {quoted(owner)} is a part of clump {quoted(self._parts[owner])};"
+                f"{self._caller}: {quoted(key)}: {quoted(owner)} is a part of clump {quoted(self._parts[owner])};"
                 " make a scene for each case, or give the file [parameters]"
             )
         number = self._names[owner]
         if quantity in QUANTITIES and self._absent[number]:
             raise CaromError(
-                f"simulate_batch: {quoted(key)}: {quoted(owner)} is of an inflow and enters where and as its table says;"
+                f"{self._caller}: {quoted(key)}: {quoted(owner)} is of an inflow and enters where and as its table says;"
                 " make a scene for each case, or give the file [parameters]"
             )
         return number
@@ -160,9 +164,9 @@ class Overrides:
         laws = [set(law.between) for law in self._scene._tree.contact]
         if pair not in laws:
             known = ", ".join("/".join(law.between) for law in self._scene._tree.contact)
-            raise CaromError(f"simulate_batch: {quoted(key)}: no contact law of {owner}; known: {known}")
+            raise CaromError(f"{self._caller}: {quoted(key)}: no contact law of {owner}; known: {known}")
         if quantity not in LAW_KEYS:
-            raise CaromError(f"simulate_batch: {quoted(key)}: {did_you_mean(quantity, LAW_KEYS)}")
+            raise CaromError(f"{self._caller}: {quoted(key)}: {did_you_mean(quantity, LAW_KEYS)}")
         return _Place(quantity, (laws.index(pair),))
 
     def model(self, case: int) -> dict[str, Any]:

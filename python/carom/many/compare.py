@@ -262,12 +262,12 @@ def compare(
 ) -> Comparison:
     """Simulate a scene, or a scenario file, by several methods and hold each against the first.
 
-    With `laws` impact laws are compared by the scene's own method: "all" that can take it, or names such as `("sequence", "poisson")`.
-    `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all but "events" that can take the scene.
-    `at` are times (s, on the grid of the steps) that are compared besides the end. `case` and `parameters` choose a variant
-    of a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all runs. With
-    `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end is
-    no error here: its `outcome` says so.
+    With `laws` impact laws are compared by the scene's own method: "all" that can take the scene, or names such as
+    `("sequence", "poisson")`. `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all but "events"
+    that can take the scene. `at` are times (s, on the grid of the steps) that are compared besides the end. `case` and
+    `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all
+    runs. With `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end
+    is no error here: its `outcome` says so.
     """
     scene = scene_of(scene, "compare", case=case, parameters=parameters)
     at = listed(at)

@@ -144,13 +144,14 @@ def _of_scene(
             'sensitivity: to must be a list of inputs, as ["cue.velocity.x"]; values are the scene\'s'
         )
     scene = _exact(scene_of(scene, "sensitivity"), options)
-    overrides, value = Overrides(scene, {}), {}
+    overrides, value = Overrides(scene, {}, "sensitivity"), {}
     places: dict[Any, str] = {}
     for name in to:
         place, shape = overrides._place(name)
         if shape:
-            cure = f"name its component, as {name}.x" if name != "gravity" else OF_A_FUNCTION
-            raise CaromError(f"sensitivity: {quoted(name)} is not one number; {cure}")
+            raise CaromError(
+                f"sensitivity: {quoted(name)} is not one number; name its component, as {name}.x"
+            )
         laws = overrides._base.get(f"{place.array}_law")
         if laws is not None and laws[place.index[0]] is not None:
             raise CaromError(
