@@ -132,7 +132,9 @@ def test_heaps_cut_out_of_a_packing_have_their_angles(packed: Packed) -> None:
 def test_a_heap_of_few_layers_is_found_too_flat_and_says_so(packed: Packed) -> None:
     """By more than its error, which knows nothing of the layer on the ground."""
     flat = cut(packed, lambda d: math.tan(math.radians(10)) * (0.085 - d), 0.0)
-    with pytest.warns(CaromWarning, match=r"the heap is 2\.\d mean diameters high; below 5"):
+    with pytest.warns(
+        CaromWarning, match=r"is 2\.\d mean diameters high, .* makes it about [12] degrees too"
+    ):
         found = granular.heap_angle(Snapshot(flat, np.full(len(flat), 0.003)))
     assert found.degrees < 10 - np.degrees(found.error)
     steep = cut(packed, lambda d: math.tan(math.radians(26)) * (0.085 - d), 0.0)

@@ -21,7 +21,7 @@ _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
 _APART = 0.1  # share of the balls that may be apart from a column
 _MOST_PAIRS = 500_000  # of the points of a surface
 _UPRIGHT = 0.7  # cosine between an axis and gravity from which it is vertical rather than horizontal
-_FLAT = 5.0  # mean diameters: in a lower heap the layer on the ground, which has no slope, is a part of the surface
+_FLAT = 6.0  # an angle is too low by this over the fourth power of the height in diameters: cones of 5 to 25 degrees
 _ROUNDS = 3  # of choosing the part of a planar slope from the line fitted before
 
 
@@ -80,9 +80,9 @@ def heap_angle(
 
     The foot is taken twice as far as half of the solid reaches, as in a cone: no single grain moves it. In cones of 22 to 26
     degrees cut out of random packings, 18 diameters in radius, the angle is 0.05 degrees too low on average and scatters by
-    0.2, which is the stated error. Heaps lower than 5 mean diameters are found too flat, by more than that, which a warning
-    says: balls lie on the ground in layers, and the lowest has no slope. The angle of a heap that is no cone depends on the
-    part: compare `inner` and `outer`.
+    0.2, which is the stated error. Low heaps are found too flat, for balls lie on the ground in layers, and the lowest has
+    no slope: by a part of the angle of `6/h^4`, h the height in mean diameters. A warning says where that is twice the error
+    or more. The angle of a heap that is no cone depends on the part: compare `inner` and `outer`.
 
     Raises:
         CaromError: fewer than three balls side by side or on the slope; too few for a standard error; an unknown shape; a
@@ -135,10 +135,12 @@ def heap_angle(
             " too few for a standard error; take a frame with a heap, or sectors=1 for an angle without error"
         )
     error = float(np.sqrt((n - 1) / n * ((angles - angles.mean()) ** 2).sum())) if n > 1 else float("nan")
-    if high < _FLAT:
+    share = _FLAT / max(1.0, high) ** 4
+    off = share * abs(float(np.arctan(slope)))
+    if share > 0.01 and off > 2.0 * error:
         warnings.warn(
-            f"heap_angle: the heap is {high:.1f} mean diameters high; below {_FLAT:g} the layer on the ground tilts the"
-            " line, by more than the error; take more or smaller grains",
+            f"heap_angle: the heap is {high:.1f} mean diameters high, and the layer on the ground, which has no slope, makes"
+            f" it about {np.degrees(off):.1g} degrees too flat, twice its error or more; take more or smaller grains",
             CaromWarning,
             stacklevel=2,
         )
