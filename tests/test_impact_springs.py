@@ -197,3 +197,26 @@ def test_dust_elsewhere_on_the_clump_changes_nothing(law: str) -> None:
 @pytest.mark.parametrize("law", ["compliant", "binary"])
 def test_without_friction_one_contact_of_a_clump_has_newtons_law(law: str) -> None:
     np.testing.assert_allclose(after(hit(law, 0.0, 0.7)), after(hit("sequence", 0.0, 0.7)), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+def test_what_little_friction_of_the_last_kicks_is_left_is_no_fallback(law: str) -> None:
+    """Four balls that touch one another hit a floor; the same half a metre away, or turned: rounding decides nothing."""
+    draw = np.random.default_rng(304)
+    v, w = np.stack([(draw.normal(size=3), 10.0 * draw.normal(size=3)) for _ in range(4)], axis=1)
+    place = np.array([[-1, 0, 1], [1, 0, 1], [0, 3**0.5, 1], [0, 3**-0.5, 1 + (8 / 3) ** 0.5]])
+    turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    found = []
+    for turned, moved in ((np.eye(3), 0.0), (np.eye(3), 0.5), (turn, 0.3)):
+        scene = carom.Scene(gravity=(0, 0, 0))
+        for other in ("m", "floor"):
+            scene.contact("m", other, friction=1.0, restitution=0.0)
+        scene.plane("floor", point=(0, 0, moved), normal=(0, 0, 1), material="floor")
+        for k, mass in enumerate((0.1, 0.3, 1.0, 3.0)):
+            at, speed, turning = (turned @ x for x in (0.03 * place[k], v[k], w[k]))
+            scene.sphere(f"{k}", radius=0.03, mass=mass, material="m", position=at + moved,
+                         velocity=speed, angular_velocity=turning)  # fmt: skip
+        result = simulated(scene, impact=law, step=1e-4, until=1e-4)
+        assert result.summary["fallbacks"] == 0
+        found.append(result.velocity[-1] @ turned)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0, atol=1e-7)

@@ -32,8 +32,8 @@ const MANY_STEPS: usize = 1_000_000;
 const MOST_STEPS: usize = 2 * MANY_STEPS;
 /// Closing speed over the greatest one at the start (1) from which on a contact is compressed again. At 0 rounding is a collision.
 const CLOSING: f64 = 1e-8;
-/// Sweeps over the friction of a kick at most, and the change over the normal impulses (1) that ends them: a kick is a thousandth of an impact. Where
-/// rounding keeps it larger, up to the second share; beyond that the impact is not solved.
+/// Sweeps over the friction of a kick at most, and the change over its normal impulses (1) that ends them. What is left of all kicks may be the second
+/// share of all their impulses; beyond that the impact is not solved. (The last kicks are next to nothing, and so is what is left of them.)
 const SWEEPS: usize = 100;
 const SETTLED: f64 = 1e-11;
 const UNSETTLED: f64 = 1e-6;
@@ -115,10 +115,11 @@ pub fn impulses(
     };
     let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -system.z0[c.row as usize]));
     let least = CLOSING * speed;
+    let [mut given, mut left] = [0.0; 2];
     for k in 0..MOST_STEPS {
         let dt = (0..contacts.len()).fold(f64::INFINITY, |dt, i| dt.min(at.step(i, least)));
         if dt.is_infinite() {
-            return Some((at.lambda, false));
+            return (left <= UNSETTLED * given).then_some((at.lambda, false));
         }
         let is_free = at.depth.iter().all(|&d| d <= 0.0);
         if is_free && k > MANY_STEPS {
@@ -131,13 +132,13 @@ pub fn impulses(
             at.drift(flights.fold(f64::INFINITY, f64::min));
         }
         at.drift(0.5 * dt);
-        if !at.kick(dt) {
-            return None;
-        }
+        let of_kick = at.kick(dt);
+        given += of_kick[0];
+        left += of_kick[1];
         at.drift(0.5 * dt);
         courses.add(dt, contacts.iter().map(|c| at.lambda[c.row as usize]));
     }
-    Some((at.lambda, true))
+    (left <= UNSETTLED * given).then_some((at.lambda, true))
 }
 
 struct Springs<'a> {
@@ -228,8 +229,8 @@ impl Springs<'_> {
         self.reduced.push(self.system, c, row, impulse, &mut self.u);
     }
 
-    /// Whether its friction has settled.
-    fn kick(&mut self, dt: f64) -> bool {
+    /// Its largest normal impulse, and by how much its friction still changes.
+    fn kick(&mut self, dt: f64) -> [f64; 2] {
         let mut most = 0.0;
         for i in 0..self.depth.len() {
             let [before, x, y] = std::mem::take(&mut self.given[i]);
@@ -250,10 +251,10 @@ impl Springs<'_> {
         for _ in 0..SWEEPS {
             change = (0..self.depth.len()).fold(0.0, |most, i| f64::max(most, self.rub(i)));
             if change <= SETTLED * most {
-                return true;
+                break;
             }
         }
-        change <= UNSETTLED * most
+        [most, change]
     }
 
     /// Friction of a contact in the kick at hand, all others given; its change.
