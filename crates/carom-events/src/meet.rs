@@ -54,6 +54,10 @@ const POLISH: f64 = 1e-9;
 /// what runs past the end of a wall meets the line in which that lies, event after event.
 const ALONG: f64 = 1e-3;
 
+/// What the farthest point of a rim has at least, over the square of its radius (1): beside the axis all points are as near. At 0 nothing is a scale there;
+/// larger, what touches a rim beside its axis is taken to touch it from farther away.
+const MIDDLE: f64 = 1e-3;
+
 /// What becomes of a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Meeting {
@@ -379,7 +383,9 @@ impl Look<'_> {
         for (s, more) in s.iter_mut().zip(more) {
             *s -= more;
         }
-        let scale = 1.0 / (8.0 * size * size * self.r);
+        // Over `2 r` times what the farthest point of the circle has, it is the gap of the nearest one.
+        let farthest = s[0] + 2.0 * size * q[0].sqrt();
+        let scale = 0.5 / (self.r * farthest.max(MIDDLE * size * size));
         let mut f = [0.0; 13];
         for (i, a) in s.iter().enumerate() {
             for (j, b) in s.iter().enumerate() {
@@ -399,7 +405,12 @@ impl Look<'_> {
         };
         let elsewhere = self.touches && self.is_elsewhere(0.0, self.rate, f[1]);
         let touches = self.touches && !elsewhere && f[0].abs() <= self.nothing.gap;
-        let meeting = match closes::<N, M>(f, touches, self.end, self.off, self.nothing, near) {
+        let mut gap = f;
+        if touches && f[1] < -self.nothing.speed {
+            // Just over an edge the face closes, too, where it is no more: of what is closed the wall itself says how fast.
+            gap[1] = f[1].max(self.rate - self.off[1]);
+        }
+        let meeting = match closes::<N, M>(gap, touches, self.end, self.off, self.nothing, near) {
             Meeting::At(t) if t > 0.0 => Meeting::At(self.polished(t)),
             other => other,
         };

@@ -4,6 +4,7 @@ use crate::common::{balls, on_floor, G, R};
 use crate::{advance, begin, options};
 use carom_core::options::Method;
 use carom_core::transition::{Kind, Mode, Transition};
+use carom_core::wall::{Disc, Rectangle, Shape};
 use carom_core::{ModelInput, Options, Simulation};
 use glam::DVec3;
 
@@ -117,4 +118,54 @@ fn a_ball_that_skids_is_stepped() {
         "{} {way}",
         s.state.position[0].x
     );
+}
+
+/// A ball that comes over an edge slowly, or stands just over it, tips and falls as by `nsga`: face and edge are both closed to the tolerance of gaps.
+#[test]
+fn a_ball_tips_over_an_edge() {
+    let (centre, normal) = (DVec3::ZERO, DVec3::Z);
+    let disc = |radius, hole| Disc {
+        centre,
+        normal,
+        radius,
+        hole,
+    };
+    let plate = Rectangle {
+        centre,
+        normal,
+        side: DVec3::X,
+        half: [0.5, 0.5],
+    };
+    // With the place of the edge, and the way out over it.
+    let walls = [
+        (Shape::Rectangle(plate), 0.5, 1.0),
+        (Shape::Disc(disc(0.25 * R, 0.0)), 0.25 * R, 1.0),
+        (Shape::Disc(disc(0.5, 2.0 * R)), 2.0 * R, -1.0),
+    ];
+    for (wall, edge, out) in walls {
+        for (over, speed) in [(1e-10, 0.0), (1e-8, 0.0), (-1e-7, 1e-6), (-1e-6, 1e-5)] {
+            let mut input = balls(&[[edge + out * over, 0.0, R]], &[]);
+            input.gravity = [0.0, 0.0, -G];
+            input.laws = vec![(0, 1, [0.3, 0.3, 0.0, 0.0, 0.0])];
+            input.walls = vec![(wall, 1)];
+            input.velocity[0] = [out * speed, 0.0, 0.0];
+            input.angular_velocity[0] = [0.0, out * speed / R, 0.0];
+            let ends = [Method::Events, Method::Nsga].map(|method| {
+                let mut s = begin(
+                    &input,
+                    Options {
+                        method,
+                        ..options(5e-4)
+                    },
+                );
+                assert!(advance(&mut s, 3000).is_none(), "{method:?} {wall:?}");
+                s.state.position[0]
+            });
+            let far = (ends[0] - ends[1]).length();
+            assert!(
+                ends[1].z < -0.1 && far < 1e-3 * ends[1].length(),
+                "{wall:?} {over:e} {speed:e}: {far:e} {ends:?}"
+            );
+        }
+    }
 }
