@@ -202,3 +202,32 @@ def test_a_spin_that_ends_in_a_bowl_is_right(speed: float) -> None:
     report = carom.audit.check(run)
     assert report.ok, report.findings
     assert report["roll"].judged > 30
+
+
+def test_what_one_problem_joins_has_the_rounding_of_its_farthest_body() -> None:
+    """The solver closes gaps to 16 roundings of the largest coordinate of its problem, that of a ball 100 m away too."""
+    scene = carom.Scene("far", gravity=(0, 0, -9.8), record={"every": 1})
+    scene.contact("m", "m", friction=0.3, restitution=0.0)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
+    for name, x in (("near", 0.0), ("far", 100.0)):
+        scene.sphere(name, radius=0.001, mass=0.01, at=(x, 0, 0.001), material="m")
+    scene.spring("near", "far", stiffness=1e-3)
+    worst = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.01))["penetration"].worst
+    assert worst is not None
+    assert worst.bound == pytest.approx(1e-10 * 0.001 + 16.0 * np.finfo(float).eps * 100.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("tolerance", [1e-11, 1e-12])
+def test_works_of_a_solver_that_ends_at_its_floor_are_right(tolerance: float) -> None:
+    """A ball that spins between heavy ones falls with them: impulses are a millionth of their weights in a step."""
+    scene = carom.Scene("falling", gravity=(0, 0, -9.8), record={"every": 1})
+    scene.contact("m", "m", friction=0.15, restitution=0.5)
+    beside = (-0.0063, 0, -0.007 * (1.0 - 0.81) ** 0.5)
+    scene.sphere("ball", radius=0.001, mass=0.08, at=(0, 0, 0), angular_velocity=(6, 0, 0), material="m")
+    scene.sphere("heavy", radius=0.001, mass=1.7, at=(0.002, 0, 0), material="m")
+    scene.sphere("dragged", radius=0.006, mass=0.46, at=beside, material="m")
+    scene.drag("dragged", translation=0.05, rotation=1e-5)
+    run = {"until": 0.15, "step": 5e-4, "impact": "compliant", "tolerance": tolerance}
+    report = carom.audit.check(carom.simulate(scene, **run))
+    assert report.ok, report.findings
+    assert report["work"].judged > 500

@@ -104,6 +104,28 @@ def test_the_error_is_told_where_rounding_limits_it(after: float, bounce: int) -
     assert off <= found.error[0] < 1e-5
 
 
+def test_the_error_covers_what_steps_still_differ_by() -> None:
+    """After a full hit the slide of the object ball turns by a power of the offset, of a tenth or so more than one: a
+    difference is off by a quarter less each decade, and a step and its half differ little.
+    """
+    radius = 0.028575
+    scene = carom.Scene("full", gravity=(0, 0, -G), run={"method": "events", "until": 0.5, "step": 1e-3})
+    scene.contact("i", "i", friction=0.06, restitution=0.95)
+    scene.contact("i", "c", friction=0.2, restitution=0.5, rolling_radius=3e-4)
+    scene.plane("t", point=(0, 0, 0), normal=(0, 0, 1), material="c")
+    scene.sphere(
+        "cue", radius=radius, mass=0.17, position=(-0.3, 0, radius), velocity=(2, 0, 0), material="i"
+    )
+    scene.sphere("o", radius=radius, mass=0.17, position=(0, 0, radius), material="i")
+    found = carom.sensitivity(scene, ["o.position.y"])
+    steps = (1e-7, 1e-8, 1e-9)
+    batch = carom.simulate_batch(scene, {"o.position.y": steps})
+    ways = batch.position[:, 1, 1] / steps
+    limit = ways[2] + (ways[2] - ways[1]) ** 2 / (2.0 * ways[1] - ways[0] - ways[2])
+    off = abs(found.of("o")[0, 1] - limit) / abs(limit)
+    assert 1e-4 < off <= found.error[0] < 1e-2
+
+
 def test_a_function_of_a_shot() -> None:
     def draw(height: float) -> carom.Scene:
         scene = shot(0.6, speed=0.0)

@@ -213,8 +213,9 @@ def _parts(block: Block, w: int, way: F64) -> tuple[I64, I64, I64, F64]:
 def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """(K,) how deep pairs may overlap, m.
 
-    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate. Beyond `dense_contacts` contacts that is an aim: what
-    eq. 44 leaves of `p gap`, p = 0.5/D_cc, stays where gaps contradict one another (jammed balls). In piles the solver
+    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate of all bodies, which one problem may join.
+    Beyond `dense_contacts` contacts that is an aim: what eq. 44 leaves of `p gap`, p = 0.5/D_cc, stays where gaps
+    contradict one another (jammed balls). In piles the solver
     aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then), and so do the smaller
     ones where contacts were not recorded.
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
@@ -226,9 +227,8 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """
     other = run.length[np.minimum(b, run.bodies)]
     r = np.minimum(run.radius[a], other)
-    partner = np.where(b < run.bodies, b, a)  # a wall has no place of its own
-    extent = np.maximum(*(np.abs(block.x1[k, i]).max(axis=1) for i in (a, partner)))
-    extent = extent + run.lengths(block.t1[k])
+    places = (np.nan_to_num(np.abs(x)).max(axis=(1, 2), initial=0.0) for x in (block.x0, block.x1))
+    extent = (np.maximum(*places) + run.lengths(block.t1))[k]
     rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
     if run.method == "penalty":
         return np.asarray(_compressed(run, a, b) + rounding)

@@ -5,7 +5,8 @@
 Over a step they add up over its problems (`replay`). In a group without impacts there is one problem, that of the loads: it
 leaves what the frame after the step has, and begins with that less what its impulses gave (`answers`).
 
-Bound: rounding, and what the solver may have left of the velocities for which it has the works (`Block.left`).
+Bound: rounding, and what the solver may have left of the velocities for which it has the works (`Block.left`). However small
+the impulses are it leaves `tol_r` of the largest speed, or the floor of eq. 44 if that is less.
 """
 
 from __future__ import annotations
@@ -112,4 +113,6 @@ def bound(block: Block, r: Rows | Hits) -> F64:
     at = fast[r.k, r.a] + fast[r.k, other] + own[1] * push
     at = at + carried.image_speed(block, r.k, block.image(r.k, r.a, r.b))
     left = 2.0 * own[1] * block.left(norm(block.rows.impulse))[r.k]
-    return np.asarray(push * (256.0 * EPS * at + left) + 1e-250)
+    of_floor = 2.0 * own[1] * run.heavy.max() * run.loosest["tolerance_floor"]
+    missed = np.minimum(block.tolerance[r.k], of_floor) * np.nan_to_num(fast).max(axis=1)[r.k]
+    return np.asarray(push * (256.0 * EPS * at + left + missed) + 1e-250)

@@ -2,7 +2,8 @@
 
 Method `events` computes a motion to rounding, so that central differences of it are exact but for their own step. Two of
 them, with a step and its half, leave an error of fourth order. It is below their difference, which also shows what
-rounding does in the runs. The step is the one with the least sum of this and what rounding of the ends does.
+rounding does in the runs. The step is the one with the least sum of this and what rounding of the ends does. What steps
+with errors alike find lies within both, else the error is more: a logarithm has small differences at all, and all differ.
 
 A motion depends smoothly on what it begins with only as long as the same events follow one another. They are in the
 table of transitions: a difference whose runs have other events than the shot itself does not count.
@@ -42,6 +43,8 @@ STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 PLACES = (1.0, -1.0, 0.5, -0.5)
 #: Error of a derivative over its size from which no smaller step is tried.
 ENOUGH = 1e-10
+#: Error over the least one (1) up to which a step has to find what that one does. Larger steps may reach over a kink.
+ALIKE = 10.0
 ROUNDING = 4.0 * 3.0 * float(np.finfo(float).eps)
 """Four times that of the four ends, in the weights of the differences: (4 * 2 + 1)/3. Times of impacts are rounded, too."""
 OTHER = "other events follow: a hit grazes, two happen at one time, or a ball that lies still begins to move"
@@ -264,7 +267,7 @@ def _refuse_to_part(start: Start, value: Mapping[str, float]) -> None:
 
 def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict[str, F64], float]:
     """The derivatives by one input, with the step of the least error."""
-    best: tuple[dict[str, F64], float] | None = None
+    tried: list[tuple[float, dict[str, F64], dict[str, float]]] = []
     why = ""
     for share in STEPS:
         h = share * (abs(value) or 1.0)
@@ -279,21 +282,26 @@ def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict
         if any(row != events for row in _events(batch)):
             why = f"{changed} {OTHER}"
             continue
-        found, off = {}, 0.0
+        found, sizes, off = {}, {}, 0.0
         for quantity in QUANTITIES:
             x = there_only(getattr(batch, quantity), batch.present)
             whole, half = (x[0] - x[1]) / (at[0] - at[1]), (x[2] - x[3]) / (at[2] - at[3])
             found[quantity] = (4.0 * half - whole) / 3.0
-            size = max(_largest(found[quantity]), _largest(x) / (abs(value) or 1.0))
+            size = sizes[quantity] = max(_largest(found[quantity]), _largest(x) / (abs(value) or 1.0))
             error = _largest(half - whole) + ROUNDING * _largest(x) / h
             off = max(off, error / size if size else 0.0)
-        if best is None or off < best[1]:
-            best = found, off
+        tried.append((off, found, sizes))
         if off < ENOUGH:
             break
-    if best is None:
+    if not tried:
         raise CaromError(f"sensitivity: no derivative by {quoted(name)} = {value:g}; {why}")
-    return best
+    off, best, sizes = min(tried, key=lambda one: one[0])
+    least = off
+    for other, found, _ in tried:
+        if other <= ALIKE * least:
+            apart = (_largest(best[q] - found[q]) / sizes[q] for q in QUANTITIES if sizes[q])
+            off = max(off, max(apart, default=0.0) - other)
+    return best, off
 
 
 def _largest(x: F64) -> float:
