@@ -394,6 +394,10 @@ impl Look<'_> {
             f[i] -= scale * 4.0 * size * size * q[i];
         }
         self.feature::<13, 9>(f);
+        if self.r > size {
+            // On the axis that touches 0 and does not fall; what has `s` below 0 holds the whole circle.
+            self.feature::<7, 5>(s.map(|s| 0.5 / self.r * s));
+        }
     }
 
     /// Takes in when the ball meets a feature, the first time that the wall itself is there.

@@ -114,3 +114,29 @@ fn walls_are_met_where_they_are() {
     }
     assert!(met > 250, "{met}");
 }
+
+/// A ball that falls along the axis of a hole smaller than itself meets all of its rim at once.
+#[test]
+fn a_ball_does_not_fall_through_a_hole_smaller_than_itself() {
+    let ring = Disc {
+        centre: DVec3::ZERO,
+        normal: DVec3::Z,
+        radius: 10.0 * R,
+        hole: 0.6 * R,
+    };
+    for beside in [0.0, 1e-13, 1e-9, 1e-4] {
+        let mut input = balls(&[[beside * R, 0.0, 2.0 * R]], &[]);
+        input.gravity = [0.0, 0.0, -G];
+        input.laws = vec![(0, 1, [0.0, 1.0, 0.0, 0.0, 0.0])];
+        input.walls = vec![(Shape::Disc(ring), 1)];
+        // It stands on the rim at 0.8 R.
+        let time = (2.0 * 1.2 * R / G).sqrt();
+        let mut s = begin(&input, options(1.01 * time));
+        assert!(advance(&mut s, 1).is_none());
+        let found = s.take_block().impacts[0].time;
+        assert!(
+            (found - time).abs() < 1e-3 * time && s.state.position[0].z > 0.8 * R,
+            "{beside:e}: {found} {time}"
+        );
+    }
+}
