@@ -19,7 +19,9 @@ import h5py
 import numpy as np
 import pytest
 from carom import CaromError
+from carom.many.sweep import Study
 from carom.result.record import Column, reader
+from carom.run.launch import Run
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -238,6 +240,45 @@ def test_ctrl_c_in_memory_leaves_what_was_computed(scene: Any) -> None:
     assert 0.3 <= result.outcome.time < 0.5
     whole = carom.simulate(scene, until=1.0)
     assert np.array_equal(result.steps["energy_kinetic"][:300], whole.steps["energy_kinetic"][:300])
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_a_signal_at_the_end_of_a_run_ends_the_loop_around_it(
+    number: str, scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No step is left that could notice it, and the run is whole; a study of many short runs must hear it all the same."""
+    heard = signal.Signals[number]
+    monkeypatch.setattr(Run, "conclude", _after(Run.conclude, lambda: signal.raise_signal(heard)))
+    own: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda n, _: own.append(n))
+    try:
+        if heard == signal.SIGTERM:  # a handler that returns has the whole result
+            assert carom.simulate(scene, until=0.1, out=tmp_path / "run").outcome.ok
+            assert carom.resume(tmp_path / "run", until=0.2).outcome.ok
+            assert own == [heard, heard]
+            return
+        for kept in (None, tmp_path / "run"):
+            with pytest.raises(KeyboardInterrupt, match="as the run ended") as caught:
+                carom.simulate(scene, until=0.1, out=kept)
+            assert caught.value.result.outcome.ok  # type: ignore[attr-defined]
+            assert caught.value.result.time[-1] == pytest.approx(0.1)  # type: ignore[attr-defined]
+        with pytest.raises(KeyboardInterrupt):
+            carom.resume(tmp_path / "run", until=0.2)
+        study = Study.of(scene, {"until": [0.1, 0.2]}, keep_runs=True)
+        with pytest.raises(KeyboardInterrupt):
+            carom.sweep(study, tmp_path / "study", workers=0)
+        assert len(list(tmp_path.glob("study/runs/*/run.json"))) == 1
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _after(function: Any, then: Any) -> Any:
+    def both(*given: Any) -> Any:
+        found = function(*given)
+        then()
+        return found
+
+    return both
 
 
 def test_the_repr_says_what_it_is(result: carom.Result) -> None:

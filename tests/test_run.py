@@ -298,6 +298,30 @@ def test_a_disk_that_fills_up(tmp_path: Path) -> None:
     assert np.isfinite(result.position).all()
 
 
+ANNOUNCED = """
+import os, sys, h5py
+file = h5py.File(sys.argv[1], "r+", libver="latest")
+file.swmr_mode = True
+size = os.stat(sys.argv[1]).st_size
+file["residuals/end"].resize(500_000, axis=0)
+file["steps/time"].resize(1_500, axis=0)
+file["steps/time"][1_000:] = 1.0
+file.flush()
+os.truncate(sys.argv[1], size)
+os._exit(0)
+"""
+
+
+def test_what_a_full_disk_cut_off_may_be_announced(tmp_path: Path) -> None:
+    """Rows that HDF5 had announced and no commit counts are not missed: the run is read, and continued with the same bits."""
+    scene = fake_sim.hopping("one", "two")
+    whole = carom.simulate(scene, until=2.0)
+    carom.simulate(scene, until=1.0, out=tmp_path / "run").close()
+    subprocess.run([sys.executable, "-c", ANNOUNCED, tmp_path / "run" / "results.h5"], check=True)
+    assert len(carom.load(tmp_path / "run").steps["time"]) == 1000
+    assert np.array_equal(carom.resume(tmp_path / "run", until=2.0).position[-1], whole.position[-1])
+
+
 # --- checkpoints ----------------------------------------------------------------------------------------------------
 
 SCALARS = (

@@ -6,7 +6,7 @@ import signal
 from typing import Annotated
 
 from carom.cli.options import Json, Quiet, Run, option, overrides
-from carom.cli.output import guarded, note
+from carom.cli.output import INTERRUPTED, guarded, note
 from carom.cli.progress import progress_bar
 from carom.cli.run import report
 
@@ -60,4 +60,5 @@ def resume(
             progress=bar,
             wish=Wish(checkpoint, any_version, tell=note),
         )
-    return report(result, quiet=quiet, as_json=as_json)
+    code = report(result, quiet=quiet, as_json=as_json)
+    return INTERRUPTED if stop else code

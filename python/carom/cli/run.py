@@ -86,7 +86,8 @@ def run(
             note(f"{counted(len(kept), 'contact problem')} in {result.path / FOLDER}, {megabytes:.3g} MB")
         if wrong := unmet(problems, result, "--save-problems"):
             note(f"warning: {wrong}")
-    return report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
+    code = report(result, quiet=quiet, as_json=as_json, scenario=str(scenario))
+    return INTERRUPTED if stop else code
 
 
 def run_name(scenario: Path, case: str | None) -> str:

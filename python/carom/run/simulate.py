@@ -9,7 +9,8 @@ import copy
 import inspect
 import signal
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -108,14 +109,15 @@ def simulate(
         result = launch(
             scene, create, stop=halt, progress=progress, keep=out is not None, problems=choice, watch=watch
         )
-    if watch is not None:
-        watch.raise_with(result)
-    if choice is not None and not result.outcome.failed:
-        from carom.run.problems import unmet
+    with _passed_on(halt, result, kept=out is not None):
+        if watch is not None:
+            watch.raise_with(result)
+        if choice is not None and not result.outcome.failed:
+            from carom.run.problems import unmet
 
-        if wrong := unmet(choice, result):
-            warnings.warn(wrong, CaromWarning, stacklevel=3)
-    return _judged(result, halt, 4, kept=out is not None)
+            if wrong := unmet(choice, result):
+                warnings.warn(wrong, CaromWarning, stacklevel=3)
+        return _judged(result, 4)
 
 
 def chosen(scene: Scene, problems: Given | None, form: str, label: str = "save_problems") -> Choice | None:
@@ -197,30 +199,38 @@ def resume(
                 checkpoint, any_version, tell=lambda text: warnings.warn(text, CaromWarning, stacklevel=4)
             ),
         )
-    if watch is not None:
-        watch.raise_with(result)
-    return _judged(result, halt, 3)
+    with _passed_on(halt, result):
+        if watch is not None:
+            watch.raise_with(result)
+        return _judged(result, 3)
 
 
-def _judged(result: Result, stop: Interrupt, level: int, *, kept: bool = True) -> Result:
+@contextmanager
+def _passed_on(stop: Interrupt, result: Result, *, kept: bool = True) -> Iterator[None]:
+    """The signal that was noted is raised when all is said of a result, also of a run that had ended: loops must hear it."""
+    try:
+        yield
+    finally:
+        cut = result.outcome.kind == "interrupted"
+        if stop.signal == signal.SIGTERM:  # it now does what it would have done without us
+            signal.raise_signal(signal.SIGTERM)
+        if cut or stop.signal == signal.SIGINT:
+            at = f"at t = {result.outcome.time:g} s; what was computed" if cut else "as the run ended; its result"
+            gone = "the attribute `result` of this exception, and out=... would keep it"
+            where = f"in {result.path}" if kept else gone
+            pressed = KeyboardInterrupt(f"interrupted {at} is {where}")
+            pressed.result = result  # type: ignore[attr-defined]
+            raise pressed
+
+
+def _judged(result: Result, level: int) -> Result:
     outcome = result.outcome
     told = remarks(result)
     if not outcome.failed:
         for remark in told:
             warnings.warn(remark, CaromWarning, stacklevel=level)
-    if outcome.ok:
+    if outcome.ok or outcome.kind == "interrupted":
         return result
-    if stop and outcome.kind == "interrupted":
-        if stop.signal == signal.SIGTERM:  # it now does what it would have done without us
-            signal.raise_signal(signal.SIGTERM)
-        where = (
-            f"in {result.path}"
-            if kept
-            else "the attribute `result` of this exception, and out=... would keep it"
-        )
-        pressed = KeyboardInterrupt(f"interrupted at t = {outcome.time:g} s; what was computed is {where}")
-        pressed.result = result  # type: ignore[attr-defined]
-        raise pressed
     stopped = RunFailed(str(outcome), result)
     for remark in told:  # behind the message: why there is no result comes before what may be wrong in it
         stopped.add_note(f"warning: {remark}")

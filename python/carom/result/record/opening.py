@@ -165,9 +165,8 @@ def _holds_what_counts(file: h5py.File, size: int) -> bool:
         if group is None:
             return False
         for name in group:
-            values = (table, name) == VALUES
-            column = dataset(file, f"{table}/{name}")
-            if not _reaches(column, rows.values if values else getattr(rows, table), size):
+            count = rows.values if (table, name) == VALUES else getattr(rows, table)
+            if not _reaches(dataset(file, f"{table}/{name}", rows=count), count, size):
                 return False
     return _reaches(file["commit"], len(file["commit"]), size)
 
