@@ -12,7 +12,7 @@ import carom
 import jsonschema
 import numpy as np
 import pytest
-from carom import ScenarioError, Scene, _core
+from carom import CaromError, ScenarioError, Scene, Study, _core
 from carom.cli import main
 from carom.cli.run import run_name
 from carom.scene.toml.lines import LineMap
@@ -147,9 +147,7 @@ class TestValues:
     def test_other_values_of_a_quantity_have_its_dimension_or_no_unit(
         self, text: str, value: str, told: str
     ) -> None:
-        file = (
-            f'format = 1\n[parameters]\nx = "{text}"\n[run]\nstep = "= x"\n[world]\ngravity = [0.0, 0.0, 0.0]'
-        )
+        file = f'format = 1\n[parameters]\nx = "{text}"\n[run]\nstep = "= 1*x"\n[world]\ngravity = [0.0, 0.0, 0.0]'
         wanted = f'expected a quantity like "{text}", found "{value}", {told}'
         [(line, key, message)] = problems(f'{file}\n[[case]]\nname = "a"\nx = "{value}"\n')
         assert (line, key) == (10, 'case "a" x')
@@ -159,6 +157,43 @@ class TestValues:
         assert wanted in message
         for other in (text, 0.03, "= 0.01*3"):
             assert Scene.from_toml(f"{file}\n", parameters={"x": other}).run.step > 0
+
+    @pytest.mark.parametrize(
+        ("key", "value", "told"),
+        [
+            ("radius", "1 g", "expected a length, found"),
+            ("mass", "1 cm", "expected a mass, found"),
+            ("velocity", "1 s", "expected a speed, found"),
+            ("friction", "1 mm", "expected a number, found"),
+        ],
+    )
+    def test_a_quantity_that_is_used_unchanged_has_the_dimension_of_the_place(
+        self, key: str, value: str, told: str, tmp_path: Path
+    ) -> None:
+        """As a quantity that stands there itself, and as that of a study; a plain number or a computed one may be any."""
+        used = {"radius": "0.02", "mass": "0.1", "velocity": "1.0", "friction": "0.1"} | {key: '"= y"'}
+        file = (
+            'format = 1\nmaterial = [{ name = "steel" }]\nrun = { until = 0.1 }\nworld = { gravity = [0, 0, 0] }\n'
+            'contact = [{ between = ["steel", "steel"], friction = FRICTION, restitution = 0.5 }]\n'
+            '[parameters]\nx = 0.5\ny = "= x"\n[[case]]\nname = "a"\nx = "VALUE"\n'
+            '[[sphere]]\nname = "one"\nradius = RADIUS\nmass = MASS\nmaterial = "steel"\n'
+            "position = [0, 0, 0]\nvelocity = [VELOCITY, 0, 0]\n"
+        )
+        for name, text in used.items():
+            file = file.replace(name.upper(), text)
+        file = file.replace("VALUE", value)
+        assert Scene.from_toml(file).parameters == {"x": 0.5, "y": 0.5}
+        for how in ({"case": "a"}, {"parameters": {"x": value}}, {"parameters": {"y": value}}):
+            [(_, place, message)] = problems(file, **how)  # type: ignore[arg-type]
+            assert place.endswith((key, f"{key}[0]")), place
+            assert f'"= y": {told} "{value}"' in message
+        path = tmp_path / "passed.toml"
+        path.write_text(file)
+        with pytest.raises(CaromError) as caught:
+            Study.of(path, {"y": [value]})
+        assert f'parameters.y: "= y": {told}' in str(caught.value)
+        computed = file.replace('"= y"', '"= 1*y"')
+        assert Scene.from_toml(computed, parameters={"x": value}).parameters["x"] > 0
 
     def test_a_case_overrides_and_what_depends_on_it_follows(self) -> None:
         np.testing.assert_allclose(
@@ -334,7 +369,8 @@ def test_the_name_of_a_unit_and_of_a_parameter() -> None:
             assert f'may mean the unit or the parameter s; write "{quantity}" with the unit' in message
             assert f'or "= {wrong}" with the parameter' in message
     assert Scene.from_toml(text, parameters={"n": "= 50*s"}).parameters["n"] == 3.0
-    assert Scene.from_toml(text, parameters={"n": "3 s"}).parameters["n"] == 3.0
+    computed = text.replace('"= n"', '"= 1*n"')
+    assert Scene.from_toml(computed, parameters={"n": "3 s"}).parameters["n"] == 3.0
 
 
 @given(st.text("=+-*/^()., 0123456789eErfphimunstv<[{\"'\\\n\u00b2", max_size=30))

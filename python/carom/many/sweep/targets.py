@@ -162,7 +162,6 @@ class Targets:
 
     def check_units(self, quantities: Mapping[str, str | None]) -> None:
         """Refuse values whose unit is of another dimension than a place that they go to unchanged."""
-        of_file = parameters.quantities(tomllib.loads(self.text))
         for targets in (self.of_file, self.of_run, self.of_arrays):
             owners: list[type[Table]] = [*SINGLE.values()] if targets is self.of_run else [Sphere, Contact]
             for key, expression in targets.items():
@@ -173,7 +172,9 @@ class Targets:
                 owner = next((table for table in owners if quantity in table.model_fields), None)
                 try:
                     if targets is self.of_file:
-                        units.parse(text, like=of_file.get(key))
+                        _, read = parameters.substitute(tomllib.loads(self.text), self.case, {key: text})
+                        if read.found:
+                            raise units.UnitError(read.found[0].cause, read.found[0].cure)
                     elif owner:
                         units.parse(text, parameters.dimension_of(owner, quantity))
                 except units.UnitError as error:

@@ -53,8 +53,8 @@ class Tables:
     """Names of the parameters, as they follow each other."""
     parameters: dict[str, Any] = field(default_factory=dict)
     """Number or expression of each that has one of these."""
-    quantities: dict[str, str] = field(default_factory=dict)
-    """Text of each that is a quantity with a unit: other values of it have its dimension, or no unit."""
+    quantities: dict[Path, str] = field(default_factory=dict)
+    """Text of each value that is a quantity with a unit: others have the dimension of that in the file, or no unit."""
     cases: dict[str, tuple[Path, dict[str, Any]]] = field(default_factory=dict)
     """Path and values by the name of the case."""
 
@@ -63,11 +63,6 @@ def names(raw: Mapping[str, Any]) -> tuple[list[str], list[str]]:
     """Names of the parameters and of the cases of a parsed file, as far as they can be read."""
     tables = _read(raw)
     return tables.order, list(tables.cases)
-
-
-def quantities(raw: Mapping[str, Any]) -> dict[str, str]:
-    """Texts of the parameters of a parsed file that are quantities with units."""
-    return _read(raw).quantities
 
 
 def dimension_of(owner: type[BaseModel], key: str) -> str:
@@ -126,8 +121,6 @@ def _read(raw: Mapping[str, Any]) -> Tables:
         value = _fit(tables, ("parameters", name), name, given[name])
         if value is not None:
             tables.parameters[name] = value
-            if isinstance(text := given[name], str) and not is_formula(text):
-                tables.quantities[name] = text
     _read_cases(raw, tables)
     return tables
 
@@ -158,8 +151,11 @@ def _fit(tables: Tables, path: Path, name: str, value: Any, bare: bool = False) 
         known = tables.formulas.names(value, path, tables.order[:k], tables.order[k:])
         return str(value) if known else None
     formula = ', or an expression of the parameters above it: "= 2*pi"'
+    number = value
     try:
-        number = units.parse(value, like=tables.quantities.get(name)) if isinstance(value, str) else value
+        if isinstance(value, str):
+            number = units.parse(value, like=tables.quantities.get(("parameters", name)))
+            tables.quantities[path] = value
     except units.UnitError as e:
         tables.formulas.refuse(path, e.cause, e.cure + formula)
         return None
@@ -268,12 +264,16 @@ def _given(tables: Tables, given: Mapping[str, Any]) -> Chosen:
 def _values(tables: Tables, chosen: Chosen) -> dict[str, float | None]:
     """All parameters, in the order of the file; None for those that have no value."""
     values: dict[str, float | None] = dict.fromkeys(tables.order)
+    formulas = tables.formulas
     for name, own in tables.parameters.items():
         path, value = chosen.get(name, (("parameters", name), own))
+        text = tables.quantities.get(path)
         if isinstance(value, str):
-            values[name] = tables.formulas.number(value, path, values)
+            values[name], text = formulas.number(value, path, values), formulas.passed_on(value)
         else:
             values[name] = float(value)
+        if text is not None:
+            formulas.quantities[name] = text
     return values
 
 

@@ -35,6 +35,8 @@ class Formulas:
         self.damaged: set[Path] = set()
         """Places whose value could not be had: findings of others about them are not worth having."""
         self.used: set[str] = set()
+        self.quantities: dict[str, str] = {}
+        """Texts of the parameters whose values are quantities with units."""
 
     def refuse(self, path: Path, cause: str, cure: str) -> None:
         """Note a mistake."""
@@ -67,6 +69,12 @@ class Formulas:
         if any(name not in known for name in expression.variables):
             self.damaged.add(path)
             return None
+        if kind is not None and (passed := self.passed_on(text)) is not None:
+            try:
+                units.parse(passed, getattr(kind, "dimension", "number"))
+            except units.UnitError as e:
+                self.refuse(path, f"{quoted(text)}: {e.cause}", e.cure)
+                return None
         try:
             return expression.evaluate(known)
         except ValueError as e:
@@ -77,6 +85,10 @@ class Formulas:
                 f"change it, or the parameters ({given})" if given else "change it",
             )
             return None
+
+    def passed_on(self, text: str) -> str | None:
+        """The quantity with a unit that an expression takes from a parameter unchanged."""
+        return self.quantities.get(blank(text).strip())
 
     def law(self, text: str, path: Path, values: Mapping[str, float | None], kind: Law | LawVector) -> str:
         """The formula of a law, with numbers in place of parameters; its own variable stays."""
