@@ -554,6 +554,9 @@ class TestFiles:
         path.write_bytes(bytes(range(128)))
         assert "is not TOML" in self.error(path)
 
+    def test_standard_input_has_a_name(self) -> None:
+        assert "-: no such file; the name of standard input is /dev/stdin" in self.error(Path("-"))
+
     @pytest.mark.parametrize("text", ["", "\n \n", "# only a comment\n"])
     def test_empty(self, tmp_path: Path, text: str) -> None:
         path = tmp_path / "x.toml"

@@ -25,6 +25,25 @@ def command(*arguments: str) -> tuple[int, str, str]:
     return done.exit_code, done.stdout, done.stderr
 
 
+def test_after_ctrl_c_it_is_said_what_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from carom.cli.app import app
+
+    def pressed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    out = str(tmp_path / "runs")
+    steps = ["converge", str(THREE), "--steps", "1e-3", "--reference", "1e-4"]
+    monkeypatch.setattr("carom.many.compare.compare", pressed)
+    monkeypatch.setattr("carom.many.converge.converge", pressed)
+    for arguments, told in (
+        (["compare", str(THREE), "-o", out], f"the runs so far are in {out}"),
+        (["compare", str(THREE)], "nothing is kept without -o DIR"),
+        (steps, "nothing is kept of the runs so far"),
+    ):
+        done = CliRunner().invoke(app, arguments)
+        assert (done.exit_code, done.stderr) == (130, f"carom: interrupted; {told}\n")
+
+
 def test_methods_and_their_choices() -> None:
     assert method_options("moreau+projection+one-shot") == {
         "method": "moreau",

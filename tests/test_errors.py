@@ -25,6 +25,9 @@ FILES = {
     "is a directory, not a scenario file": lambda folder: Scene.from_toml(folder),
     "cannot be read (...)": lambda folder: Scene.from_toml(Path("a\0.toml")),
     "is empty": lambda folder: Scene.from_toml(written(folder, b"\n")),
+    "its lines end in carriage returns alone (CR)": lambda folder: Scene.from_toml(
+        written(folder, GOOD.replace("\n", "\r").encode())
+    ),
     "is not UTF-8 text (byte ...)": lambda folder: Scene.from_toml(written(folder, b"\xff")),
     "is larger than ... MiB": lambda folder: Scene.from_toml(written(folder, b"#" * 101)),
     "may not be read": lambda folder: Scene.from_toml(written(folder, b"x = 1", mode=0)),

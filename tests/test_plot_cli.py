@@ -30,6 +30,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (["--what", "heights,heigths"], "no plot is called 'heigths'; did you mean heights?"),
         (["--what", "all", "--step", "99999999"], "the run has no step 99999999; give one from 1 to 20"),
+        (["--what", "heights,energies", "--step", "3"], "draw one of impacts, residuals"),
+        (["--what", "energies", "--bodies", "only"], "bodies: no figure of energies takes it; leave it out"),
         (["--what", "heights", "--format", "png,svgg"], "no format is called 'svgg'; did you mean svg?"),
     ],
 )
@@ -91,7 +93,10 @@ def test_letters_that_the_font_lacks_are_told_in_one_line(tmp_path: Path) -> Non
     scene = carom.Scene("\U000102a0\U000102a1", run={"until": 0.02})
     scene.sphere("only", radius=0.1, mass=1.0, material="stone", position=(0, 0, 1))
     run = carom.simulate(scene, out=tmp_path / "run").path
-    done = CliRunner().invoke(app, ["plot", str(run), "--what", "heights", "-o", str(tmp_path)])
+    command = ["plot", str(run), "--what", "heights,energies,heights", "--format", "png,png"]
+    done = CliRunner().invoke(app, [*command, "-o", str(tmp_path)])
+    drawn = [f"{kind}.{end}" for kind in ("heights", "energies") for end in ("png", "csv")]
+    assert [Path(line).name for line in done.stdout.split()] == drawn
     told = (
         "carom: warning: the font of figures has no \U000102a0 \U000102a1: there are boxes in their place\n"
     )

@@ -313,7 +313,7 @@ os._exit(0)
 
 
 def test_what_a_full_disk_cut_off_may_be_announced(tmp_path: Path) -> None:
-    """Rows that HDF5 had announced and no commit counts are not missed: the run is read, and continued with the same bits."""
+    """Rows that HDF5 had announced and no commit counts are not missed: the run is read, and goes on with the same bits."""
     scene = fake_sim.hopping("one", "two")
     whole = carom.simulate(scene, until=2.0)
     carom.simulate(scene, until=1.0, out=tmp_path / "run").close()

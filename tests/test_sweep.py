@@ -119,6 +119,18 @@ class TestInThisProcess:
         with pytest.raises(CaromError, match=told):
             found.to_csv(columns=["v", "deflection"])
 
+    def test_quiet_tells_what_went_wrong_and_how_laws_are_called(self, files: Path) -> None:
+        study = files / "failing.toml"
+        study.write_text('format = 1\nscenario = "slide.toml"\n[parameters]\nv = [1.0, -1e10, 1e10]\n')
+        command = ["sweep", str(study), "-o", str(files / "out"), "--workers", "0", "--no-plots", "-q"]
+        done = CliRunner().invoke(app, command)
+        assert (done.exit_code, done.stdout) == (3, "")
+        first, second = done.stderr.splitlines()
+        assert first.startswith("carom: case 1 (v = -1e+10): refused: ")
+        assert second.startswith("carom: case 2 (v = 1e+10): refused: ")
+        with pytest.raises(CaromError, match='no contact law of "ball/bad"; did you mean ball/ball'):
+            carom.Study.of(files / "slide.toml", {"ball/bad.friction": [0.1]})
+
     def test_rows_say_who_computed_them_and_a_study_of_two_versions_says_so(
         self, files: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

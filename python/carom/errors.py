@@ -128,7 +128,9 @@ def only_once(given: Iterable[tuple[str, str, V]]) -> dict[str, V]:
     setters: dict[str, str] = {}
     for place, setter, value in given:
         if place in found:
-            raise CaromError(f"{setter}: {setters[place]} sets {place}, too; leave out one of the two")
+            first = setters[place]
+            told = "is given twice" if first == setter else f"{first} sets {place}, too"
+            raise CaromError(f"{setter}: {told}; leave out one of the two")
         found[place], setters[place] = value, setter
     return found
 

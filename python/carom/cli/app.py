@@ -18,6 +18,7 @@ from carom.cli.examples import examples
 from carom.cli.export import export
 from carom.cli.fit import fit
 from carom.cli.info import info
+from carom.cli.options import Command
 from carom.cli.play import play
 from carom.cli.plot import plot
 from carom.cli.reproduce import reproduce
@@ -101,5 +102,5 @@ for _command in chain(*GROUPS.values()):
         continue
     # Its first sentence stands whole in the list of commands, which click would cut at 45 characters.
     _sentence = (_command.__doc__ or "").strip().split("\n\n")[0]
-    app.command(no_args_is_help=False, short_help=" ".join(_sentence.split()))(_command)
+    app.command(cls=Command, no_args_is_help=False, short_help=" ".join(_sentence.split()))(_command)
 app.add_typer(examples, name="examples")

@@ -21,7 +21,7 @@ from carom.cli.options import (
     times,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
-from carom.cli.progress import progress_bar
+from carom.cli.progress import keeping, progress_bar
 from carom.errors import CaromWarning
 from carom.many.sheets import of_comparison
 
@@ -79,7 +79,8 @@ def compare(
     described = scene(scenario, case, set_, until)
     for advice in described.validate():
         note(f"warning: {advice}")
-    with progress_bar(not (quiet or as_json)) as bar, warnings.catch_warnings():
+    kept = "nothing is kept without -o DIR" if out is None else f"the runs so far are in {out}"
+    with keeping(kept), progress_bar(not (quiet or as_json)) as bar, warnings.catch_warnings():
         warnings.simplefilter("ignore", CaromWarning)  # told above
         found = compare_methods(
             described,

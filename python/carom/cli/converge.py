@@ -24,6 +24,7 @@ from carom.cli.options import (
     times,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
+from carom.cli.progress import keeping
 from carom.many.sheets import of_convergence
 
 
@@ -87,15 +88,16 @@ def converge(
     described = scene(scenario, case, set_, until)
     refuse_figure(plot, force)
     fine = number(reference)
-    found = study_of(
-        described,
-        times("--steps", steps),
-        fine if isinstance(fine, float) else reference,
-        listed("--quantities", quantities) or None,
-        until=described.run.until if until is not None else None,
-        at=times("--at", *at or []),
-        threads=threads,
-    )
+    with keeping("nothing is kept of the runs so far"):
+        found = study_of(
+            described,
+            times("--steps", steps),
+            fine if isinstance(fine, float) else reference,
+            listed("--quantities", quantities) or None,
+            until=described.run.until if until is not None else None,
+            at=times("--at", *at or []),
+            threads=threads,
+        )
     files = drawn(convergence, found, plot)
     if as_json:
         emit({"scenario": str(scenario), **found.to_dict(), "files": files})

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from carom.cli.options import Json, option
+from carom.cli.options import Command, Json, option
 from carom.cli.output import emit, guarded
 from carom.errors import CaromError
 from carom.files import write_whole
@@ -24,7 +24,7 @@ def _names(incomplete: str) -> list[str]:
     return [n for name in shipped() for n in {name, name.rsplit("/", 1)[-1]} if n.startswith(incomplete)]
 
 
-@examples.command("list")
+@examples.command("list", cls=Command)
 @guarded
 def list_(as_json: Json = False) -> None:
     """List the scenarios that come with Carom.
@@ -41,7 +41,7 @@ def list_(as_json: Json = False) -> None:
         print("\n".join(f"{name:{width}}  {title}" for name, title in rows))
 
 
-@examples.command("copy")
+@examples.command("copy", cls=Command)
 @guarded
 def copy(
     name: Annotated[

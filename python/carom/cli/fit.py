@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from carom.cli.options import Json, Quiet
-from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded
+from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
 from carom.cli.progress import LineBar, going_on
 from carom.cli.sweep import (
     MeasureFile,
@@ -64,6 +64,9 @@ def fit(
         emit({**found.summary, "files": [str(f) for f in files]})
     elif not quiet:
         _print(found, files)
+    elif not found.converged:
+        for remark in found.remarks:
+            note(remark)
     return DONE if found.converged else NOT_CONVERGED
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperOption
 
 from carom.cli.output import note
 from carom.errors import CaromError, Problem, ScenarioError, did_you_mean, only_once
@@ -25,6 +26,21 @@ def option(*words: str, **more: Any) -> Any:
     names = [word for word in words if word.startswith("-")]
     *metavar, told = words[len(names) :]
     return typer.Option(*names, metavar=metavar[0] if metavar else None, help=told, **more)
+
+
+class Command(TyperCommand):
+    """A command that refuses an option of one value that is given twice: the last one would count, unsaid."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The arguments that are left when the options are read."""
+        if not ctx.resilient_parsing:
+            seen = set()
+            for given in self.make_parser(ctx).parse_args(args=list(args))[2]:
+                one = isinstance(given, TyperOption) and not (given.multiple or given.is_flag)
+                if one and given.name in seen:
+                    ctx.fail(f"{given.opts[-1]} is given twice; leave out one of the two")
+                seen.add(given.name)
+        return super().parse_args(ctx, args)
 
 
 Json = Annotated[bool, option("--json", "Print one JSON document on standard output and nothing else.")]

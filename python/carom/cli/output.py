@@ -49,7 +49,14 @@ def _run(command: Callable[P, int | None], *args: P.args, **kwargs: P.kwargs) ->
     as_json = bool(kwargs.get("as_json"))
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: note(f"warning: {message}")
+            said: set[str] = set()
+
+            def say(message: Warning | str, *_: Any, **__: Any) -> None:
+                if str(message) not in said:  # each of many figures may have the same one
+                    said.add(str(message))
+                    note(f"warning: {message}")
+
+            warnings.showwarning = say
             code = command(*args, **kwargs) or DONE
     except KeyboardInterrupt as error:
         told = str(error) if isinstance(error, Interrupted) else "interrupted"

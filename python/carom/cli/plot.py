@@ -44,14 +44,14 @@ def plot(
     """
     result = loaded(run)
     named = listed("--what", *(what or ["all"]))
-    kinds = result.plot.available(step) if "all" in named else named
     if step is not None and "all" in named:
+        kinds = result.plot.available(step)
         for kind in result.plot.available():
             if kind not in kinds:
                 note(f"step {step} has no {kind}: no such figure")
     drawn = result.plot.save(
         out or inside(result.path, "plots"),
-        kinds,
+        None if "all" in named else named,
         formats=listed("--format", format_),
         bodies=listed("--bodies", bodies) or None,
         step=step,

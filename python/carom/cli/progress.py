@@ -65,12 +65,20 @@ class LineBar(Bar):
 
 
 @contextmanager
-def going_on(bar: LineBar | None, kept: str) -> Iterator[None]:
-    """Work that the same command continues after Ctrl-C, `kept` says from where."""
+def keeping(kept: str) -> Iterator[None]:
+    """Work of which `kept` is said after Ctrl-C."""
     try:
         yield
     except KeyboardInterrupt as error:
-        raise Interrupted(f"interrupted; {kept}, and the same command goes on from there") from error
+        raise Interrupted(f"interrupted; {kept}") from error
+
+
+@contextmanager
+def going_on(bar: LineBar | None, kept: str) -> Iterator[None]:
+    """Work that the same command continues after Ctrl-C, `kept` says from where."""
+    try:
+        with keeping(f"{kept}, and the same command goes on from there"):
+            yield
     finally:
         if bar is not None:
             bar.stop()

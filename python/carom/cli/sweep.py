@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from carom.cli.options import Force, Json, Quiet, listed, option, refuse_existing
-from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded
+from carom.cli.output import DONE, NOT_CONVERGED, emit, guarded, note
 from carom.cli.progress import LineBar, going_on, left
 from carom.errors import CaromError, counted
 
@@ -93,6 +93,9 @@ def sweep(
         emit({**found.summary, "files": [str(f) for f in files]})
     elif not quiet:
         _print(found, files)
+    else:
+        for line in _failed(found):
+            note(line)
     return NOT_CONVERGED if found.failures else DONE
 
 
@@ -117,12 +120,18 @@ def _print(found: Sweep, files: list[Path]) -> None:
     print(text)
     if len(found.origins) > 1:
         print(f"  {listed(found.origins)}")
+    for line in _failed(found):
+        print(f"  {line}")
+    print("\n".join(str(f) for f in [facts["table"], *files]))
+
+
+def _failed(found: Sweep) -> Iterator[str]:
+    """A line for each case that failed, up to `SHOWN` of them."""
     for row in found.failures[:SHOWN]:
         values = ", ".join(f"{name} = {row[name]:.6g}" for name in found.parameters)
-        print(f"  case {row['case']} ({values}): {row['outcome']}: {row['message']}")
-    if facts["failed"] > SHOWN:
-        print(f"  and {facts['failed'] - SHOWN} more, in {found.path / 'sweep.json'}")
-    print("\n".join(str(f) for f in [facts["table"], *files]))
+        yield f"case {row['case']} ({values}): {row['outcome']}: {row['message']}"
+    if (more := len(found.failures) - SHOWN) > 0:
+        yield f"and {more} more, in {found.path / 'sweep.json'}"
 
 
 class _Bar(LineBar):

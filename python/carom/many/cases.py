@@ -163,8 +163,8 @@ class Overrides:
         pair = set(owner.split("/", 1))
         laws = [set(law.between) for law in self._scene._tree.contact]
         if pair not in laws:
-            known = ", ".join("/".join(law.between) for law in self._scene._tree.contact)
-            raise CaromError(f"{self._caller}: {quoted(key)}: no contact law of {owner}; known: {known}")
+            cure = did_you_mean(owner, ["/".join(law.between) for law in self._scene._tree.contact])
+            raise CaromError(f"{self._caller}: {quoted(key)}: no contact law of {quoted(owner)}; {cure}")
         if quantity not in LAW_KEYS:
             raise CaromError(f"{self._caller}: {quoted(key)}: {did_you_mean(quantity, LAW_KEYS)}")
         return _Place(quantity, (laws.index(pair),))

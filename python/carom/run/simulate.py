@@ -215,10 +215,10 @@ def _passed_on(stop: Interrupt, result: Result, *, kept: bool = True) -> Iterato
         if stop.signal == signal.SIGTERM:  # it now does what it would have done without us
             signal.raise_signal(signal.SIGTERM)
         if cut or stop.signal == signal.SIGINT:
-            at = f"at t = {result.outcome.time:g} s; what was computed" if cut else "as the run ended; its result"
+            at = f"at t = {result.outcome.time:g} s" if cut else "as the run ended"
             gone = "the attribute `result` of this exception, and out=... would keep it"
             where = f"in {result.path}" if kept else gone
-            pressed = KeyboardInterrupt(f"interrupted {at} is {where}")
+            pressed = KeyboardInterrupt(f"interrupted {at}; what was computed is {where}")
             pressed.result = result  # type: ignore[attr-defined]
             raise pressed
 

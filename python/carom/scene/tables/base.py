@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from carom.errors import Problem, ScenarioError, did_you_mean
+from carom.errors import Problem, ScenarioError, did_you_mean, quoted
 from carom.scene.messages import from_python
 
 
@@ -43,7 +43,7 @@ class Table(BaseModel):
     def label(self) -> str:
         """How messages call this table."""
         name = getattr(self, "name", None)
-        return f"scene.{self.section}" + (f'["{name}"]' if name else "")
+        return f"scene.{self.section}" + (f"[{quoted(name)}]" if name else "")
 
     def written(self, *, everything: bool = False) -> dict[str, Any]:
         """The keys as they stand in a file: those that were given, or every one that has a value."""

@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import model_validator
 
+from carom.errors import quoted
 from carom.scene.tables.balls import Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
 from carom.scene.tables.billiard import BilliardTable
@@ -157,7 +158,7 @@ class Contact(Table):
         return self
 
     def label(self) -> str:
-        return f'scene.contact("{self.between[0]}", "{self.between[1]}")'
+        return f"scene.contact({', '.join(map(quoted, self.between))})"
 
 
 class Scenario(Table):

@@ -83,6 +83,8 @@ def _files_beside(path: Path) -> str:
     except (OSError, ValueError):
         stems = []
     best = get_close_matches(path.stem, stems, n=1, cutoff=0.5)
+    if path == Path("-"):
+        return "the name of standard input is /dev/stdin"
     if best:
         return f"did you mean {path.parent / best[0]}.toml?"
     if example := named(path.as_posix()):
@@ -152,6 +154,9 @@ def _toml(text: str, name: str) -> dict[str, Any]:
         raise ScenarioError(
             [Problem(name, "", "is empty", "begin with one that works: `carom examples copy three_balls`", 1)]
         )
+    if "\r" in text and "\n" not in text:
+        cause = "its lines end in carriage returns alone (CR)"
+        raise ScenarioError([Problem(name, "", cause, "save it with line ends LF or CR LF", 1)])
     for number, row in enumerate(text.split("\n"), 1):
         parts = 1 + row.partition("=")[0].count(".")
         if parts > MOST_PARTS:  # each part nests a table: memory and time grow with the square of them

@@ -27,6 +27,11 @@ KINDS = (
     *("phases", "impacts", "iterations", "residuals"),
 )
 FORMATS = ("png", "svg", "pdf")
+#: What is chosen for figures, and for which.
+CHOSEN = {
+    "bodies": ("velocities", "angular-velocities", "heights", "trajectories"),
+    "step": ("impacts", "residuals"),
+}
 
 
 class Plots:
@@ -102,12 +107,18 @@ class Plots:
 
         Without `what` all that the run has something for. `width` is `single` or `double`: one column of a page or two.
         """
+        formats = list(dict.fromkeys(formats))
         for chosen in formats:
             if chosen not in FORMATS:
                 raise CaromError(f"no format is called {chosen!r}; {did_you_mean(chosen, FORMATS)}")
-        chosen_kinds = self.available(step) if what is None else list(what)
+        chosen_kinds = self.available(step) if what is None else list(dict.fromkeys(what))
         for name in chosen_kinds:  # before anything is written
             _known(name)
+        for option, kinds in CHOSEN.items():
+            given = {"bodies": bodies, "step": step}[option]
+            if what is not None and given is not None and not set(kinds) & set(chosen_kinds):
+                cause = f"no figure of {', '.join(chosen_kinds)} takes it"
+                raise CaromError(f"{option}: {cause}; leave it out, or draw one of {', '.join(kinds)}")
         files: list[Path] = []
         for name in chosen_kinds:
             with column_width(width):
