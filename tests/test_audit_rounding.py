@@ -204,17 +204,20 @@ def test_a_spin_that_ends_in_a_bowl_is_right(speed: float) -> None:
     assert report["roll"].judged > 30
 
 
-def test_what_one_problem_joins_has_the_rounding_of_its_farthest_body() -> None:
-    """The solver closes gaps to 16 roundings of the largest coordinate of its problem, that of a ball 100 m away too."""
+@pytest.mark.parametrize("tied", [True, False])
+def test_what_one_problem_joins_has_the_rounding_of_its_farthest_body(tied: bool) -> None:
+    """The solver closes gaps to 16 roundings of the largest coordinate of its problem: of a far ball, if a spring joins it."""
     scene = carom.Scene("far", gravity=(0, 0, -9.8), record={"every": 1})
     scene.contact("m", "m", friction=0.3, restitution=0.0)
     scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
-    for name, x in (("near", 0.0), ("far", 100.0)):
-        scene.sphere(name, radius=0.001, mass=0.01, at=(x, 0, 0.001), material="m")
-    scene.spring("near", "far", stiffness=1e-3)
+    for name, place in (("near", (0, 0, 0.001)), ("far", (100.0, 0, 1.0))):
+        scene.sphere(name, radius=0.001, mass=0.01, at=place, material="m")
+    if tied:
+        scene.spring("far", "near", stiffness=1e-3)
     worst = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.01))["penetration"].worst
     assert worst is not None
-    assert worst.bound == pytest.approx(1e-10 * 0.001 + 16.0 * np.finfo(float).eps * 100.0, rel=1e-6)
+    largest = 100.0 if tied else 0.001
+    assert worst.bound == pytest.approx(1e-10 * 0.001 + 16.0 * np.finfo(float).eps * largest, rel=1e-6)
 
 
 @pytest.mark.parametrize("tolerance", [1e-11, 1e-12])

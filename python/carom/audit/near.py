@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Bool, connected
 from carom.audit import carried, closing, cohesion, drift
 from carom.audit.block import ALL_PAIRS, Block
 from carom.audit.data import Run
@@ -213,11 +213,10 @@ def _parts(block: Block, w: int, way: F64) -> tuple[I64, I64, I64, F64]:
 def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """(K,) how deep pairs may overlap, m.
 
-    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate of all bodies, which one problem may join.
-    Beyond `dense_contacts` contacts that is an aim: what eq. 44 leaves of `p gap`, p = 0.5/D_cc, stays where gaps
-    contradict one another (jammed balls). In piles the solver
-    aims at `Block.pile_overlap`, ten times that after its patience ended (a fallback is counted then), and so do the smaller
-    ones where contacts were not recorded.
+    nsga: `gap_tolerance r` and 16 roundings of the largest coordinate of the bodies that one problem may join. Beyond
+    `dense_contacts` contacts that is an aim: what eq. 44 leaves of `p gap`, p = 0.5/D_cc, stays where gaps contradict one
+    another (jammed balls). In piles the solver aims at `Block.pile_overlap`, ten times that after its patience ended (a
+    fallback is counted then), and so do the smaller ones where contacts were not recorded.
     Moreau-Jean, without projection: a contact is seen where the middle of a step overlaps and closes until the step's
     end, so the way of one step; it keeps that overlap, so at the largest speeds of the run, of walls too. What closes more
     slowly than the closing tolerance (rule R3) is left alone in each step, and adds up (`closing.left`); so does what curved
@@ -227,9 +226,7 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     """
     other = run.length[np.minimum(b, run.bodies)]
     r = np.minimum(run.radius[a], other)
-    places = (np.nan_to_num(np.abs(x)).max(axis=(1, 2), initial=0.0) for x in (block.x0, block.x1))
-    extent = (np.maximum(*places) + run.lengths(block.t1))[k]
-    rounding = 16.0 * np.finfo(float).eps * np.maximum(extent, r)
+    rounding = 16.0 * np.finfo(float).eps * np.maximum(_extent(block, k, a, b), r)
     if run.method == "penalty":
         return np.asarray(_compressed(run, a, b) + rounding)
     t = run.loosest
@@ -248,6 +245,23 @@ def deepest(run: Run, block: Block, k: I64, a: I64, b: I64) -> F64:
     aim = np.maximum(t["gap_tolerance"], block.pile_overlap[k] * np.where(tired, 10.0, 1.0))
     bound = np.where(many, aim, t["gap_tolerance"]) * r + np.where(block.large[k] & known, left, 0.0)
     return np.asarray(bound + rounding)
+
+
+def _extent(block: Block, k: I64, a: I64, b: I64) -> F64:
+    """(K,) the largest coordinate of a pair, or of all that it may have one problem of gaps with, and of the box, m."""
+    run, n = block.run, block.run.bodies
+    far = np.nan_to_num(np.maximum(*(np.abs(x).max(axis=2) for x in (block.x0, block.x1)))).ravel()
+    first = k * n + a
+    second = np.where(b < n, k * n + b, first)  # a wall has no place of its own
+    if run.method == "nsga" or run.projects:
+        linked = np.arange(block.count)[:, None] * n + run.joined(run.loads)
+        group = connected(
+            len(far), np.concatenate([np.arange(len(far)), first]), np.append(linked.ravel(), second)
+        )
+        most = np.zeros(len(far))
+        np.maximum.at(most, group, far)
+        far = most[group]
+    return np.asarray(np.maximum(far[first], far[second]) + run.lengths(block.t1)[k])
 
 
 def _way(run: Run, a: I64, b: I64) -> F64:
