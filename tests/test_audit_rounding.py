@@ -206,7 +206,7 @@ def test_a_spin_that_ends_in_a_bowl_is_right(speed: float) -> None:
 
 @pytest.mark.parametrize("tied", [True, False])
 def test_what_one_problem_joins_has_the_rounding_of_its_farthest_body(tied: bool) -> None:
-    """The solver closes gaps to 16 roundings of the largest coordinate of its problem: of a far ball, if a spring joins it."""
+    """The solver closes gaps to 16 roundings of the largest coordinate of its problem, if a spring joins the far one."""
     scene = carom.Scene("far", gravity=(0, 0, -9.8), record={"every": 1})
     scene.contact("m", "m", friction=0.3, restitution=0.0)
     scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m")
