@@ -68,3 +68,16 @@ def test_overlaps_in_a_cone_may_add_up(motion: str) -> None:
     scene.sphere("b", material="g", radius=0.008, density=2500, at=at, velocity=velocity)
     report = carom.audit.check(carom.simulate(scene, step=1e-3, until=0.3, method="moreau"))
     assert report.ok, report.findings
+
+
+@pytest.mark.parametrize("speed", [0.5, 0.2])
+def test_what_the_projection_lifts_goes_along_the_walls_of_its_end(speed: float) -> None:
+    """In a tube the normal has turned since the middle of the step, along which the impulse is on record."""
+    scene = carom.Scene(gravity=(0, 0, -9.8), record={"every": 1})
+    scene.contact("m", "m", friction=0.5, restitution=0.0)
+    scene.cylinder("tube", point=(0, 0, 0), axis=(0, 1, 0), radius=0.05, inside=True, material="m")
+    scene.sphere("ball", radius=3e-3, density=2500, at=(0, 0, -0.047), velocity=(speed, 0, 0), material="m")
+    options = {"method": "moreau", "position_projection": True, "step": 1e-3, "until": 0.2}
+    report = carom.audit.check(carom.simulate(scene, **options))
+    assert report.ok, report.findings
+    assert report["energy balance"].judged > 100

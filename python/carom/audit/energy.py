@@ -35,7 +35,7 @@ from carom.audit.block import Block, Rows, once
 from carom.audit.centres import at_walls, half_way, riding
 from carom.audit.cones import PARTS
 from carom.audit.data import Run
-from carom.audit.forces import absolute, speeds, together
+from carom.audit.forces import absolute, projected, speeds, together
 from carom.audit.loads import of_loads
 from carom.audit.near import Near, stiffness
 from carom.audit.recorded import pushes
@@ -161,7 +161,7 @@ def _balance(block: Block, tally: Tally) -> None:
             ends = [_spring(load, x, q)[0] for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
             change[:, max(int(load["a"]), int(load["b"]))] += ends[1] - ends[0]
     work = c.work.sum(axis=1)
-    lift = _lifted(run, c, c.position_impulse)
+    lift = _lifted(run, c, projected(block))
     if run.method == "moreau":
         lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
         gained = run.mass * dot(block.v1 - block.v0, run.falls)
@@ -194,6 +194,8 @@ def _balance(block: Block, tally: Tally) -> None:
     record = np.abs(told[0]) + np.abs(told[1])
     top[outer] = np.maximum.reduce([top.sum(axis=1), record[block.s0], block.over(record[1:])])
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
+    if run.projects:  # along the normals of all steps between the frames
+        off = off + np.where(block.single[c.k], 0.0, 2.0 * moved * norm(block.end[1] - block.start[1]))
     # Joints answer what contacts move, by position impulses of which there is no record.
     jointed = np.append(run.jointed, False)
     off = off + np.where(jointed[c.a] | jointed[np.minimum(c.b, run.bodies)], moved, 0.0)

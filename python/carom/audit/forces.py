@@ -71,7 +71,7 @@ def of_contacts(block: Block) -> Sums:
     reach = run.reach
     start = block.start[1]
     both = split(c.impulse, c.normal, start)
-    pushed = _projected(block)
+    pushed = projected(block)
     frame = (block.end[1], block.end[1]) if run.method == "moreau" else (c.normal, start)
     shifted = split(pushed, *frame)
     turned_too = (c.b < run.balls)[:, None]
@@ -123,7 +123,7 @@ def of_contacts(block: Block) -> Sums:
     )
 
 
-def _projected(block: Block) -> F64:
+def projected(block: Block) -> F64:
     """Position impulses (K, 3). The projection of Moreau-Jean acts along the normals of the places that it
     leaves, and is recorded along those of the middle of the step: size from the record, direction from the frame.
     """
