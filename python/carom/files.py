@@ -66,6 +66,12 @@ def first_link(root: Path, path: Path) -> Path | None:
     return next((folder for folder in reversed(way) if folder.is_symlink()), None)
 
 
+def lies_in(path: Path, folder: Path) -> bool:
+    """Whether a path, be it there or not, is that of a directory or leads into it, under whatever name."""
+    way = path.resolve()
+    return folder.exists() and any(part.exists() and part.samefile(folder) for part in (way, *way.parents))
+
+
 def regular(path: Path) -> Path:
     """`path`, if it is a file, a link to one, or not there: opening anything else may hang for ever."""
     if path.exists() and not path.is_file():

@@ -20,6 +20,7 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, counted
+from carom.files import lies_in
 from carom.result.boxes import Boxes
 from carom.result.clumps import Clumps
 from carom.result.directory import RunDir, temporary
@@ -342,6 +343,8 @@ class RunData(Frames[Column]):
 
     def save(self, path: str | Path, *, force: bool = False) -> Self:
         """Write a result that was simulated without `out` to a run directory, or copy its own; returns the copy."""
+        if self._directory is not None and lies_in(Path(path), self.path):
+            raise CaromError(f"{path} is the directory of this run, or lies in it; choose another directory")
         copy = RunDir.create(path, force=force)
         try:
             if self._directory is None:
