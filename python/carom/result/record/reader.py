@@ -14,20 +14,19 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from carom.arrays import Array
 from carom.errors import CaromError
+from carom.files import Anchored
 from carom.result.record.layout import MEANINGS, OPTIONAL, POSITIVE, STATIC, TEXTS, VALUES, Rows, tables
 from carom.result.record.opening import (
     DAMAGED,
     attributes_of,
-    column_of,
     damaged,
     first_rows,
-    open_results,
     reaches,
-    read_rows,
     static_of,
     table_of,
     written,
 )
+from carom.result.record.shared import Part, Shared, alone
 
 #: A column up to this size is read whole at first use: one read of 3000 frames is as cheap as a read of one.
 CACHE_BYTES = 64 * 1024 * 1024
@@ -43,7 +42,7 @@ class Column(NDArrayOperatorsMixin):
 
     def __init__(
         self,
-        parts: Sequence[tuple[Any, int]],  # datasets or arrays, and how many of their rows count
+        parts: Sequence[tuple[Any, int]],  # `Part`s or arrays, and how many of their rows count
         unit: str = "",
         owner: Segments | None = None,
         kept: list[Array] | None = None,
@@ -108,6 +107,10 @@ class Column(NDArrayOperatorsMixin):
             raise AttributeError(name)
         return getattr(np.asarray(self), name)
 
+    def __reduce__(self) -> Any:
+        # Files cannot be sent: what is in the column can.
+        return type(self), ([(np.asarray(self), len(self))], self.unit)
+
     def __repr__(self) -> str:
         unit = f", unit {self.unit}" if self.unit not in ("", "1") else ""
         return f"<column of shape {self.shape}, {self.dtype}{unit}>"
@@ -128,7 +131,7 @@ class Column(NDArrayOperatorsMixin):
             low += (start - low) % stride
             high = min(stop, offset + rows)
             if low < high:
-                pieces.append(read_rows(part, slice(low - offset, high - offset, stride)))
+                pieces.append(part[low - offset : high - offset : stride])
             offset += rows
         if not pieces:
             return np.empty((0, *self.shape[1:]), self.dtype)
@@ -140,10 +143,12 @@ class Segments:
     opening; with `upto` rows beyond it do not count, as if a further segment began there.
     """
 
+    @alone
     def __init__(self, paths: Sequence[Path], upto: Rows | None = None) -> None:
         if not paths:
             raise CaromError("there are no results yet: no results.h5 in the run directory")
-        self._files = [open_results(path) for path in paths]
+        self._paths = [Anchored(path) for path in paths]
+        self._shared = [Shared.of(path, self) for path in paths]
         firsts = [first_rows(file) for file in self._files]
         ends = firsts if upto is None else [*firsts, upto]
         # A later segment overrules every row from its start on, in all segments before it.
@@ -156,12 +161,21 @@ class Segments:
         self._closed = False
         self._found: dict[tuple[str, str], tuple[list[tuple[Any, int]], str, list[Array]]] = {}
 
+    def __reduce__(self) -> Any:
+        # Who gets it opens the files anew; of a run that goes on it has the same rows.
+        return type(self), ([path.whole for path in self._paths], self.rows)
+
+    @property
+    def _files(self) -> list[h5py.File]:
+        return [shared.file for shared in self._shared]
+
     @property
     def rows(self) -> Rows:
         """Whole rows of each table over all segments."""
         return sum(self._rows, Rows())
 
     @property
+    @alone
     def starts(self) -> dict[str, int]:
         """The names of the files, and after which step each begins."""
         return {
@@ -186,14 +200,17 @@ class Segments:
         return None
 
     @property
+    @alone
     def attributes(self) -> Mapping[str, Any]:
         """Attributes of the first segment: gravity, step, versions."""
         return attributes_of(self._files[0])
 
+    @alone
     def columns(self, table: str) -> list[str]:
         """Names of the columns of a table; none of one that the run has not."""
         return _listed(self._files[0], table)
 
+    @alone
     def column(self, table: str, name: str) -> Column:
         """One column over all segments."""
         found = self._found.get((table, name))
@@ -201,17 +218,18 @@ class Segments:
             if self._closed:
                 raise CaromError(f"the result is closed, and {name} was not read before")
             counts = [rows.values if (table, name) == VALUES else getattr(rows, table) for rows in self._rows]
-            datasets = [
-                column_of(file, f"{table}/{name}", n) for file, n in zip(self._files, counts, strict=True)
+            pieces = [
+                Part(shared, f"{table}/{name}", n) for shared, n in zip(self._shared, counts, strict=True)
             ]
             try:
-                unit = _text(datasets[0].attrs.get("unit", ""))
+                unit = _text(pieces[0].dataset.attrs.get("unit", ""))
             except DAMAGED as error:
                 raise damaged(self._files[0], f"/{table}/{name}: its unit", error) from error
-            found = self._found[table, name] = (list(zip(datasets, counts, strict=True)), unit, [])
+            found = self._found[table, name] = (list(zip(pieces, counts, strict=True)), unit, [])
         parts, unit, kept = found
         return Column(parts, unit, self, kept)
 
+    @alone
     def static(self, table: str) -> dict[str, Array]:
         """A table of what does not change (empty if there is none); text as an array of `str`."""
         group = table_of(self._files[0], table)
@@ -225,6 +243,7 @@ class Segments:
                 raise damaged(self._files[0], f"/{table}/{name}", "not all are above 0")
         return columns
 
+    @alone
     def of_this_layout(self) -> None:
         """Raise if a segment was written before one of the columns there was: its own list has not got it."""
         for file in self._files:
@@ -236,6 +255,7 @@ class Segments:
                         " take that one, or run the scenario again"
                     )
 
+    @alone
     def verify(self) -> None:
         """Raise if a part that counts cannot be read; where the values lie is looked at, the values are not."""
         self.of_this_layout()
@@ -244,12 +264,13 @@ class Segments:
         for table in tables(self._files[0]):
             for name in self.columns(table):
                 for part, rows in self.column(table, name)._parts:
-                    reaches(part, rows)
+                    reaches(part.dataset, rows)
 
     def damage(self, place: str, cause: str) -> CaromError:
         """What is said of a table that contradicts itself."""
         return damaged(self._files[0], place, cause)
 
+    @alone
     def close(self) -> None:
         """Close the files; what was read stays."""
         self._closed = True
@@ -258,8 +279,8 @@ class Segments:
             for key, (_, unit, kept) in self._found.items()
             if kept
         }
-        for file in self._files:
-            file.close()
+        for shared in self._shared:
+            shared.leave(self)
 
 
 def _lack(of: str, there: int, names: Sequence[str]) -> str:

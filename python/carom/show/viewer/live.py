@@ -49,9 +49,8 @@ WALL = (130, 140, 155)
 class Live:
     """A server that shows a run, and follows it while it is computed.
 
-    `source` is a run directory or a result that has one; while a run is computed, close results of it that this process
-    holds, or HDF5 goes on showing what was there when they were opened. `url` is where to look; `stop()` ends it, as does
-    leaving a `with` block. Of more than `MOST_BALLS` balls one in several is shown, which `notes` and the page say.
+    `source` is a run directory or a result that has one. `url` is where to look; `stop()` ends it, as does leaving a `with`
+    block. Of more than `MOST_BALLS` balls one in several is shown, which `notes` and the page say.
     """
 
     def __init__(self, source: str | Path | RunData, *, port: int = PORT) -> None:
@@ -277,15 +276,11 @@ class Live:
             self._draw()
 
     def _look(self) -> None:
-        """Takes over what was written since, if anything was.
-
-        HDF5 shows a file that is open twice in a process as it was when first opened: ours is closed before.
-        """
+        """Takes over what was written since, if anything was."""
         writing, stamp = self._result.is_being_written, self._stamp()
         if (writing, stamp) == (self._writing, self._seen):
             return
         self._writing, self._seen = writing, stamp
-        self._result.close()
         for _ in range(20):  # what is written at this moment may not be readable yet
             try:
                 self._result = _load(self._path)
