@@ -16,8 +16,8 @@ from carom import _core
 from carom.errors import CaromError, Problem, ScenarioError
 from carom.problem import ContactProblem, SolveFailed
 from carom.problem.errors import refuse
+from carom.result.names import UnknownName
 from carom.result.record.untrusted import Untrusted
-from carom.result.tables import UnknownName
 from carom.scene.packing.grow import PackingError
 from carom.units import UnitError
 

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from carom import CaromError, Scene, audit
-from carom.result.tables import UnknownName
+from carom.result.names import UnknownName
 from carom.result.walls import Poses
 from carom.scene.assembly.arrays import walls
 from carom.scene.assembly.placing import motion_for_core

@@ -42,7 +42,7 @@ def snapshot(**given: Any) -> granular.Snapshot:
             lambda r: events.rest(r, speed="1 mm/s"),
             "speed = '1 mm/s' is no bound of a speed; give a number from 0 in m/s",
         ),
-        (lambda r: events.first_contact(r, "a", "a"), "'a' is given twice"),
+        (lambda r: events.first_contact(r, "a", "a"), "'a' and 'a' are one body; a contact is of two"),
         (lambda r: granular.snapshot(r, 1.0), "no frame 1.0"),
         (lambda r: granular.snapshot(r, time=9.0), "9 s is outside of the run, 0 to 0.05 s"),
         (lambda r: granular.packing_fraction(BOX, r), "takes a Result or a Snapshot first, found Box"),

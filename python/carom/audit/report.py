@@ -11,7 +11,7 @@ import numpy as np
 from carom.arrays import F64, Bool
 from carom.audit.kinds import KINDS, Kind
 from carom.errors import did_you_mean
-from carom.result.tables import UnknownName
+from carom.result.names import UnknownName
 
 
 @dataclass(frozen=True)

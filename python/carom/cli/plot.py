@@ -30,7 +30,9 @@ def plot(
             "Step shown by residuals and impacts. Default: the one with most iterations or impact problems.",
         ),
     ] = None,
-    bodies: Annotated[str | None, option("--bodies", "A,B", "Draw only these bodies.")] = None,
+    bodies: Annotated[
+        str | None, option("--bodies", "A,B", "Draw only these bodies; a clump means its balls.")
+    ] = None,
     format_: Formats = "png",
     width: Annotated[
         str, option("--width", "WIDTH", "Figure width: single or double column of a page.")

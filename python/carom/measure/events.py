@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError, among
 from carom.measure.contacts import closed
-from carom.result.tables import UnknownName
+from carom.result.names import UnknownName
 from carom.scene.packing.neighbours import TOUCHING
 
 if TYPE_CHECKING:
@@ -66,12 +66,8 @@ def detect(result: RunData, *, speed: float = SPEED) -> list[Event]:
 
 
 def first_contact(result: RunData, body: str, other: str) -> Event | None:
-    """The first time that these two, balls or walls, met; None if they never did."""
-    if body == other:
-        raise CaromError(f"first_contact: {body!r} is given twice; a contact is of two")
-    known = [*result.names, *result.wall_names]
-    pair = {_index(name, known) for name in (body, other)}
-    return next((event for event in _first(result, pair)), None)
+    """The first time that these two, balls, clumps or walls, met; None if they never did."""
+    return next(iter(_first(result, (body, other))), None)
 
 
 class Meeting(NamedTuple):
@@ -275,12 +271,14 @@ def _bound(speed: float) -> None:
         )
 
 
-def _first(result: RunData, pair: set[int] | None) -> list[Event]:
+def _first(result: RunData, pair: tuple[str, str] | None) -> list[Event]:
     names = [*result.names, *result.wall_names]
     earliest: dict[tuple[int, int], Event] = {}
     frames = np.asarray(result.time)
     between = float(np.diff(frames).max()) if len(frames) > 1 else 0.0
-    impacts, contacts = result.impacts, result.contacts
+    impacts, contacts = (
+        table if pair is None else table.between(*pair) for table in (result.impacts, result.contacts)
+    )
     tables: list[tuple[Any, Any, F64]] = []
     if len(impacts):
         tables.append((impacts, impacts["approach"], _within(result, impacts)))
@@ -288,11 +286,6 @@ def _first(result: RunData, pair: set[int] | None) -> list[Event]:
         tables.append((contacts, None, np.full(len(contacts), between)))
     for rows, closing, within in tables:
         body, time = np.asarray(rows["body"]).astype(np.int64), np.asarray(rows["time"])
-        if pair is not None:
-            low, high = min(pair), max(pair)
-            chosen = np.flatnonzero((body.min(axis=1) == low) & (body.max(axis=1) == high))
-            body, time, within = body[chosen], time[chosen], within[chosen]
-            closing = None if closing is None else np.asarray(closing)[chosen]
         # Rows are in the order of time. One number for each pair: rows as such are sorted ten times more slowly.
         _, first = np.unique(body[:, 0] * len(names) + body[:, 1], return_index=True)
         for row in first.tolist():

@@ -16,6 +16,7 @@ from carom.arrays import F64, I64
 from carom.errors import CaromError
 from carom.reproduce.document import Iterations, NotConverged
 from carom.result.kinematics import Frames
+from carom.result.names import Names
 from carom.result.record import Memory
 from carom.result.tables import Energy, Impacts, Residuals, Static, Steps
 from carom.run.loop import advance, begin, drive
@@ -100,7 +101,7 @@ def trace(
         step=chosen.steps,
         bodies=Static({"name": np.array(names), **{k: model[k] for k in ("radius", "mass", "inertia")}}),
         steps=Steps(memory),
-        impacts=Impacts(memory, names),
+        impacts=Impacts(memory, Names(names)),
         residuals=Residuals(memory),
         monitors=simulation.monitors(),
         core_s=ending.core_s,

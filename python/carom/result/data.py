@@ -25,6 +25,7 @@ from carom.result.boxes import Boxes
 from carom.result.clumps import Clumps
 from carom.result.directory import RunDir, temporary
 from carom.result.kinematics import Frames, Part
+from carom.result.names import Names
 from carom.result.outcome import Outcome
 from carom.result.record import Column, Memory, Record, Segments, Writer
 from carom.result.run_json import checked, refuse_lost
@@ -246,6 +247,12 @@ class RunData(Frames[Column]):
     def _parts(self) -> list[Part]:
         return [Part.of(clump, self._mass()) for clump in self.clumps.values()]
 
+    @cached_property
+    def _called(self) -> Names:
+        """What the numbers of bodies in tables are called."""
+        clumps = {name: clump.numbers for name, clump in self.clumps.items()}
+        return Names([*self.names, *self.wall_names], clumps)
+
     # What happened.
 
     @cached_property
@@ -256,12 +263,12 @@ class RunData(Frames[Column]):
     @cached_property
     def impacts(self) -> Impacts:
         """One row per contact and impact problem: time, step, problem, pair, impulse, status ..."""
-        return Impacts(self._segments, [*self.names, *self.wall_names])
+        return Impacts(self._segments, self._called)
 
     @cached_property
     def impulses(self) -> Impulses:
         """How the impulses of each impact grow; none unless the run has `impacts = "history"`."""
-        return Impulses(self._segments, [*self.names, *self.wall_names])
+        return Impulses(self._segments, self._called)
 
     @cached_property
     def events(self) -> Events:
@@ -271,7 +278,7 @@ class RunData(Frames[Column]):
     @cached_property
     def transitions(self) -> Transitions:
         """One row per ball whose motion changed at an event of method `events`; none with other methods."""
-        return Transitions(self._segments, [*self.names, *self.wall_names])
+        return Transitions(self._segments, self._called)
 
     @property
     def flows(self) -> bool:
@@ -281,7 +288,7 @@ class RunData(Frames[Column]):
     @cached_property
     def contacts(self) -> Contacts:
         """One row per frame and contact: impulses of both levels and work by cause since the last frame."""
-        return Contacts(self._segments, [*self.names, *self.wall_names])
+        return Contacts(self._segments, self._called)
 
     @cached_property
     def steps(self) -> Steps:

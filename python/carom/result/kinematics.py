@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from carom.arrays import F64, I64
 from carom.errors import among, extra
 from carom.numeric import is_whole
-from carom.result.tables import Impacts, UnknownName
+from carom.result.names import UnknownName
+from carom.result.tables import Impacts
 
 if TYPE_CHECKING:
     import pandas

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.arrays import F64, Array, Bool
-from carom.errors import CaromError, among, counted
+from carom.errors import CaromError, counted
 from carom.numeric import is_number, is_whole
 from carom.result.clumps import Clump, Clumps
 from carom.result.kinematics import Frames, Part
+from carom.result.names import Names, UnknownName
 from carom.result.tables import (
     Contacts,
     Energy,
@@ -28,7 +29,6 @@ from carom.result.tables import (
     Static,
     Steps,
     Transitions,
-    UnknownName,
     frame_number,
 )
 from carom.result.walls import Walls
@@ -223,7 +223,7 @@ def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
     outside = given[~((given >= time[0] - 1e-9) & (given <= time[-1] * (1 + 1e-9) + 1e-12))]
     if len(outside):
         raise CaromError(
-            f"sel: {outside[0]:g} s is outside of the frames; give times from {time[0]:g} to {time[-1]:g} s"
+            f"sel: {outside[0]:.12g} s is outside of the frames; give times from {time[0]:.12g} to {time[-1]:.12g} s"
         )
     after = np.clip(np.searchsorted(time, given), 1, max(1, len(time) - 1))
     before = after - 1
@@ -242,6 +242,7 @@ def chosen_bodies(
         return np.arange(len(names))
     if (masked := _masked(wanted, len(names), "body")) is not None:
         return masked
+    called = Names(names, {name: clump.numbers for name, clump in clumps.items()}, "body", numbers)
     if isinstance(wanted, slice):
         start, stop = wanted.start, wanted.stop
         for end in (start, stop, wanted.step):
@@ -249,17 +250,16 @@ def chosen_bodies(
                 raise CaromError(
                     f'sel: a slice of bodies is of names or numbers, as slice("a", "c"), found {end!r}'
                 )
-        start = min(_named(names, start, clumps, numbers)) if isinstance(start, str) else start
+        start = min(called.numbers(start)) if isinstance(start, str) else start
         # Of names both ends count.
-        stop = max(_named(names, stop, clumps, numbers)) + 1 if isinstance(stop, str) else stop
+        stop = max(called.numbers(stop)) + 1 if isinstance(stop, str) else stop
         if isinstance(wanted.start, str) and isinstance(wanted.stop, str) and start >= stop:
             raise CaromError(f"sel: {wanted.start!r} comes after {wanted.stop!r}; give the first body first")
         return np.arange(len(names))[start : stop : wanted.step]
     several = list(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, str) else [wanted]
-    known = {name: i for i, name in enumerate(names)}
     found: list[int] = []
     for name in several:
-        found += [_number(names, name)] if is_whole(name) else _named(names, name, clumps, numbers, known)
+        found += [_number(names, name)] if is_whole(name) else called.numbers(name)
     return np.array(found, dtype=np.intp)
 
 
@@ -281,25 +281,6 @@ def _number(names: Sequence[str], wanted: int) -> int:
     if not -len(names) <= wanted < len(names):
         raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
     return range(len(names))[int(wanted)]
-
-
-def _named(
-    names: Sequence[str],
-    wanted: Any,
-    clumps: Mapping[str, Clump],
-    numbers: NDArray[np.intp] | None,
-    known: Mapping[str, int] | None = None,
-) -> list[int]:
-    """Indices of what is called so: one ball, or the balls of a clump that are there."""
-    known = {name: i for i, name in enumerate(names)} if known is None else known
-    if isinstance(wanted, str):
-        if wanted in known:
-            return [known[wanted]]
-        if wanted in clumps:
-            balls: Array = clumps[wanted].numbers
-            return list(balls if numbers is None else np.flatnonzero(np.isin(numbers, balls)))
-    what = "body or clump" if clumps else "body"
-    raise UnknownName(f"no {what} is called {wanted!r}; {among(str(wanted), [*clumps], names)}")
 
 
 def _seconds(value: Any) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from carom.arrays import Array
 from carom.errors import CaromError, among, counted, did_you_mean, extra
 from carom.numeric import is_whole
+from carom.result.names import Names, UnknownName
 from carom.result.record import Record
 from carom.result.record.layout import MEANINGS
 
@@ -20,12 +21,6 @@ if TYPE_CHECKING:
 
 
 V = TypeVar("V")
-
-
-class UnknownName(CaromError, KeyError):
-    """A body, wall or column that is not there: a `KeyError` whose text reads as a sentence."""
-
-    __str__ = CaromError.__str__
 
 
 class NoFrame(CaromError, IndexError):
@@ -160,20 +155,20 @@ class Steps(Table):
 class _Pairs(Table):
     """A table with two bodies a row, which also has their names."""
 
-    def __init__(self, segments: Record, names: Sequence[str], rows: Array | None = None) -> None:
+    def __init__(self, segments: Record, names: Names, rows: Array | None = None) -> None:
         super().__init__(segments, rows)
-        self._names = np.array([*names, "?"], dtype=object)
+        self._names = names
 
-    def between(self, first: str, second: str | None = None) -> Self:
-        """The rows with this body or wall, or with these two in any order."""
-        known = [str(n) for n in self._names[:-1]]
-        indices = []
-        for name in (first,) if second is None else (first, second):
-            if name not in known:
-                raise UnknownName(f"no body or wall is called {name!r}; {among(name, known)}")
-            indices.append(known.index(name))
-        body = np.asarray(self["body"])
-        return self.where(np.logical_and.reduce([(body == i).any(axis=1) for i in indices]))
+    def between(self, first: str | int, second: str | int | None = None) -> Self:
+        """The rows with this body or wall, or with these two in any order.
+
+        The name of a clump means its balls, a number what has it in the column `body`.
+        """
+        body = np.asarray(self["body"]).reshape(-1, 2)
+        if second is None:
+            return self.where(np.isin(body, self._names.numbers(first)).any(axis=1))
+        a, b = (np.isin(body, numbers) for numbers in self._names.pair(first, second))
+        return self.where((a & b[:, ::-1]).any(axis=1))
 
     def _derived(self) -> Mapping[str, Callable[[], Any]]:
         return {"pair": self._pair}
@@ -181,10 +176,11 @@ class _Pairs(Table):
     def _pair(self) -> Array:
         """(rows, 2) names."""
         body = np.asarray(self["body"]).astype(np.int64)
-        return np.asarray(self._names[np.clip(body, 0, len(self._names) - 1)])
+        names = self._names.array
+        return np.asarray(names[np.clip(body, 0, len(names) - 1)])
 
     def _with_rows(self, rows: Array) -> Self:
-        return type(self)(self._segments, [str(n) for n in self._names[:-1]], rows)
+        return type(self)(self._segments, self._names, rows)
 
 
 class Impacts(_Pairs):
@@ -216,7 +212,7 @@ class Contacts(_Pairs):
     def __init__(
         self,
         segments: Record,
-        names: Sequence[str],
+        names: Names,
         rows: Array | None = None,
         frames: Array | None = None,
     ) -> None:
@@ -248,7 +244,7 @@ class Contacts(_Pairs):
         return self._of_frames(rows if self._chosen is None else self._chosen[rows], frames)
 
     def _of_frames(self, rows: Array, frames: Array | None) -> Self:
-        return type(self)(self._segments, [str(n) for n in self._names[:-1]], rows, frames)
+        return type(self)(self._segments, self._names, rows, frames)
 
     def _with_rows(self, rows: Array) -> Self:
         return self._of_frames(rows, self._frames)

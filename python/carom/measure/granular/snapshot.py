@@ -213,7 +213,7 @@ def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None 
     if time is not None:
         slack = 1e-9 * float(times[-1])
         if not times[0] - slack <= time <= times[-1] + slack:
-            raise CaromError(f"{time:g} s is outside of the run, {times[0]:g} to {times[-1]:g} s")
+            raise CaromError(f"{time:.12g} s is outside of the run, {times[0]:.12g} to {times[-1]:.12g} s")
         frame = int(np.abs(times - time).argmin())
     if not isinstance(frame, int | np.integer) or not -len(times) <= frame < len(times):
         raise CaromError(f"there is no frame {frame}; give one of -{len(times)} to {len(times) - 1}")

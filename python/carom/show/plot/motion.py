@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.arrays import F64, I64, Array
+from carom.result.selection import chosen_bodies
 from carom.scene.assembly.rotations import upward
 from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, entry, legend, named, panels, styled
 
@@ -141,11 +142,10 @@ def _flat(values: F64) -> bool:
 
 def selection(result: RunData, bodies: Sequence[str] | None) -> tuple[list[str], Any]:
     """Names of the bodies to draw, and their columns."""
-    if isinstance(bodies, str):
-        bodies = [bodies]
     if not bodies:
         return result.names, slice(None)
-    return list(bodies), [result[name].index for name in bodies]
+    columns = chosen_bodies(result.names, bodies, result.clumps).tolist()
+    return [result.names[k] for k in columns], columns
 
 
 def shown_frames(result: RunData) -> I64:
