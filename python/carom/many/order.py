@@ -19,6 +19,9 @@ from carom.errors import CaromError
 ROUNDING = 1e-12
 #: What an order is not read from either: an error above this, orders of neighbours further apart, a slope below.
 LARGE, SCATTER, FLAT = 1.0, 0.5, 0.25
+#: Errors of all steps above this do not come from the tolerance of a solver.
+SOLVED = 1e-6
+EVENT = "an event (impact, end of sliding) falls at another place of the step for each h"
 #: A reference step at most this part of the finest step adds little to the errors.
 FINER = 4
 
@@ -108,11 +111,15 @@ def doubts(name: str, steps: Sequence[float], errors: Sequence[float]) -> list[s
     elif max(order.pairwise) - min(order.pairwise) > SCATTER:
         told.append(
             f"{name}: the order scatters from {min(order.pairwise):.2f} to {max(order.pairwise):.2f}, the fit means"
-            " little: an event (impact, end of sliding) falls at another place of the step for each h, steps are too"
-            " large, or the motion is chaotic; choose steps with the event at the same place, or an earlier time"
+            f" little: {EVENT}, steps are too large, or the motion is chaotic;"
+            " choose steps with the event at the same place, or an earlier time"
         )
     elif order.value < FLAT:
-        told.append(
-            f"{name}: the error hardly depends on the step: it comes from elsewhere (tolerance of the solver, reference)"
+        large = min(e for e in errors if e > ROUNDING) > SOLVED
+        cause = (
+            f"{EVENT}, or the reference is another motion; choose finer steps, or an earlier time"
+            if large
+            else "it comes from elsewhere (tolerance of the solver, reference)"
         )
+        told.append(f"{name}: the error hardly depends on the step: {cause}")
     return told
