@@ -59,7 +59,7 @@ class Playback:
             slack = 1e-9 * max(abs(start), abs(end))
             if not start - slack <= look.at <= end + slack:
                 raise CaromError(
-                    f"at: {look.at:.12g} s is outside of the chosen frames, from {start:.12g} to {end:.12g} s"
+                    f"at: {look.at:.12g} s is outside of the chosen frames, which are from {start:.12g} to {end:.12g} s"
                 )
             self.times: F64 = np.array([look.at])
             return
