@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
 
 from carom.cli.examples import find
 from carom.show.plot import contact
+from carom.show.plot.style import paired
 from carom.text import LONGEST, shortened
 
 LONG = "a name that nobody would write but that a program may well have made, of ball number 17"
@@ -193,3 +195,47 @@ def test_a_long_flat_scene_has_no_empty_band_around_its_axes() -> None:
     assert drawn.height > 0.85 * figure.get_size_inches()[1]
     assert drawn.y0 >= 0.0
     assert axes.get_position().height * figure.get_size_inches()[1] > 0.9
+
+
+def test_figures_of_scenes_without_a_title_begin_with_a_word(
+    broken: carom.Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They began with ": step 10" and "; 3 further pairs"."""
+    monkeypatch.setattr(contact, "MOST_PAIRS", 1)
+    scene = drop("", "a", "b").scene
+    figures = [carom.simulate(scene, contacts=True).plot.phases()]
+    monkeypatch.setattr(type(broken), "title", "")
+    figures += [broken.plot.chart(kind).figure for kind in broken.plot.available()]
+    figures += [carom.converge(scene, [2e-3, 1e-3], 1e-4).plot(), carom.compare(scene, "nsga").plot()]
+    titles = [axes.get_title(loc="left") for figure in figures for axes in figure.axes]
+    assert len(list(filter(None, titles))) >= 5
+    assert all(title[:1].isalnum() for title in titles if title)
+
+
+def test_long_names_of_pairs_are_told_apart_in_comparisons() -> None:
+    """The middle of both names together was left out: nothing of the second name but its end."""
+    scene = carom.Scene("t", run={"until": 0.02, "step": 1e-4})
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    names = [f"_{LONG}{k}" for k in range(3)]
+    for k, name in enumerate(names):
+        scene.sphere(
+            name, radius=0.01, mass=0.1, at=(0.02 * k, 0, 0), velocity=(float(k == 0), 0, 0), material="m"
+        )
+    found = carom.compare(scene, laws=["sequence", "binary"])
+    assert found["nsga+binary"].order == tuple(f"{a}-{b}" for a, b in pairwise(names))
+    labels = [text.get_text() for part in found.plot().subfigs for text in part.legends[-1].get_texts()]
+    assert labels[-2:] == [paired(pair) for pair in pairwise(names)]
+
+
+def test_rounding_is_no_speed_in_a_comparison() -> None:
+    """A ball that came to rest had a bar of 1e-14 m/s over the whole panel."""
+    scene = drop("t", "a").scene.with_options(until=1.0)
+    found = carom.compare(scene, ("nsga", "moreau", "penalty"))
+    last = np.stack([run.states["velocity"][-1] for run in found])
+    assert 0.0 < np.abs(last).max() < found.still < 1e-8
+    assert found.directions == [0]
+    heights = [bar.get_height() for bar in found.plot().axes[0].patches]
+    assert heights == [0.0, 0.0, 0.0]
+    falling = carom.compare(scene, ("nsga", "moreau"), until=0.02)
+    assert falling.directions == [2]
+    assert [bar.get_height() for bar in falling.plot().axes[0].patches] == pytest.approx([-0.196, -0.196])

@@ -51,6 +51,8 @@ NUMBERS = (
 FRAMES = 200
 #: Radii (radii per step) below which a position (velocity) is no size to compare with.
 SMALL = 1e-8
+#: Share of the greatest speed of a run that is rounding.
+STILL = 1e-9
 _PROJECTION = "projection"
 
 
@@ -90,6 +92,8 @@ class MethodRun:
     directory: Path | None
     impulses: Mapping[str, F64] = field(default_factory=dict)
     """Of impact laws: the first pairs that impacts move, in their order, as `carom.many.impulses.growing` has them."""
+    ends: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """The two names of each of these pairs."""
 
     @property
     def order(self) -> tuple[str, ...]:
@@ -129,6 +133,8 @@ class Comparison:
     """Whether impact laws are compared, each as a method of its own."""
     remarks: tuple[str, ...] = ()
     """What a reader must know of it: which method was left out, and why."""
+    still: float = 0.0
+    """Slower than this, m/s, is at rest: the rounding of the speeds of the first run."""
 
     def __getitem__(self, method: str) -> MethodRun:
         for run in self.runs:
@@ -158,7 +164,7 @@ class Comparison:
     def directions(self) -> list[int]:
         """The axes, 0 to 2, along which some body moves at the end; x where all rest."""
         last = np.nan_to_num([np.abs(run.states["velocity"][-1]) for run in self]).max(axis=(0, 1))
-        return [k for k in range(3) if last[k] > 1e-9 * last.max()] or [0]
+        return [k for k in range(3) if last[k] > self.still] or [0]
 
     def plot(self) -> Figure:
         """Velocity of each body at the end by each method, and how impulses grow by impact laws, a figure of matplotlib."""
@@ -304,6 +310,7 @@ def compare(
         remarks += (f"events is left out: it takes fewer scenes and is named, as {pair}",)
     floors = _floors(scene)
     sizes: Mapping[str, float] = {}
+    still = 0.0
     frames, absent = [n // every for n in wanted], np.zeros((len(wanted), len(scene.names)), dtype=bool)
     runs: list[MethodRun] = []
     for name, extra in chosen.items():
@@ -317,15 +324,20 @@ def compare(
             except RunFailed as error:
                 result = error.result
         sizes = sizes or {q: max(floor, _largest(getattr(result, q))) for q, floor in floors.items()}
+        still = still or STILL * float(np.nanmax(np.abs(result.velocity), initial=0.0))
         run = _measured(name, extra, result, frames, runs, sizes, directory)
         if laws is not None:
-            run = replace(run, impulses=growing(scene, extra, result))
+            grown = {"-".join(pair): (pair, points) for pair, points in growing(scene, extra, result).items()}
+            ends = {name: pair for name, (pair, _) in grown.items()}
+            run = replace(run, impulses={name: points for name, (_, points) in grown.items()}, ends=ends)
         absent |= absent_at(frames, result)
         runs.append(run)
         result.close()
     times, bodies = tuple(n * h for n in wanted), tuple(scene.names)
     remarks += told(times, bodies, absent)
-    return Comparison(scene.title, h, times, bodies, tuple(runs), scene.case, laws is not None, remarks)
+    return Comparison(
+        scene.title, h, times, bodies, tuple(runs), scene.case, laws is not None, remarks, still
+    )
 
 
 def _spacing(most: int, steps: int) -> int:

@@ -21,7 +21,7 @@ FIRST = 12
 MOST = 2000
 
 
-def growing(scene: Scene, options: Mapping[str, Any], result: Result) -> dict[str, F64]:
+def growing(scene: Scene, options: Mapping[str, Any], result: Result) -> dict[tuple[str, str], F64]:
     """For each pair, in the order of `half`: (K, 2) the impact problems of the run so far, and its impulse, N s.
 
     It ends with the step in which the last of the `FIRST` pairs to begin does so. `result`, a run of this scene, says
@@ -45,7 +45,7 @@ def half(points: F64) -> float:
     return float(np.interp(0.5 * points[-1, 1], points[:, 1], points[:, 0]))
 
 
-def _by_pair(result: Result) -> dict[str, F64]:
+def _by_pair(result: Result) -> dict[tuple[str, str], F64]:
     table = result.impulses
     if not len(table):
         return {}
@@ -70,5 +70,6 @@ def _by_pair(result: Result) -> dict[str, F64]:
         for end in ends:
             points[end:, 1] += points[end - 1, 1]
         points = np.vstack([points, [at[step <= last].max(), points[-1, 1]]])
-        found["-".join(names[b] for b in pairs[k].tolist())] = points
+        first, second = pairs[k].tolist()
+        found[names[first], names[second]] = points
     return dict(sorted(found.items(), key=lambda one: half(one[1])))

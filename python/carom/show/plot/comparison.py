@@ -11,10 +11,12 @@ from carom.show.plot.style import (
     COLOURS,
     DASHES,
     Chart,
-    entry,
     fitted,
+    headed,
     legend,
     named,
+    paired,
+    seen,
     styled,
     unmarked,
     width,
@@ -60,14 +62,14 @@ def _velocities(part: Any, found: Comparison) -> dict[str, Array]:
     numbers: dict[str, Array] = {"body": np.array(found.bodies)}
     place, wide = np.arange(len(found.bodies)), 0.8 / len(found)
     panels: list[Axes] = list(part.subplots(len(found.directions), 1, sharex=True, squeeze=False).flat)
-    title = f"{found.title}: velocities at {found.times[-1]:g} s".lstrip(": ")
-    panels[0].set_title(fitted(title), loc="left")
+    panels[0].set_title(fitted(headed(found.title, f"velocities at {found.times[-1]:g} s")), loc="left")
     for k, axes in zip(found.directions, panels, strict=True):
         for i, run in enumerate(found):
             velocity = run.states["velocity"][-1][:, k]
             numbers[f"{run.name} v_{'xyz'[k]} (m/s)"] = velocity
             at = place - 0.4 + (i + 0.5) * wide
-            axes.bar(at, velocity, wide, color=COLOURS[i % len(COLOURS)], label=_label(found, run.name))
+            shown = np.where(np.abs(velocity) > found.still, velocity, 0.0 * velocity)
+            axes.bar(at, shown, wide, color=COLOURS[i % len(COLOURS)], label=_label(found, run.name))
         axes.set_xticks(place, [named(name, 16) for name in found.bodies])
         axes.set_ylabel(f"$v_{'xyz'[k]}$ (m/s)")
     part.align_ylabels(panels)
@@ -86,7 +88,7 @@ def _impulses(part: Any, found: Comparison) -> dict[str, Array]:
         for pair, points in run.impulses.items():
             k = pairs.index(pair)
             style = {"color": COLOURS[k % len(COLOURS)], "ls": DASHES[k // len(COLOURS) % len(DASHES)]}
-            axes.plot(*points.T, label=entry(pair), lw=1.0, **style)
+            axes.plot(*points.T, label=seen(paired(run.ends[pair])), lw=1.0, **style)
             numbers[f"{run.name} {pair} (impact problems)"], numbers[f"{run.name} {pair} (N s)"] = points.T
         axes.set_title(_label(found, run.name), loc="left")
         axes.margins(x=0)

@@ -18,6 +18,7 @@ from carom.show.plot.style import (
     LINE,
     Chart,
     fitted,
+    headed,
     paired,
     panels,
     styled,
@@ -60,15 +61,12 @@ def phases(result: RunData) -> Chart:
     found, every = strips(result)
     pairs = list(dict.fromkeys(strip.pair for strip in found))
     time = np.asarray(result.time)
-    left = (
-        f"; {counted(every - len(pairs), 'further pair')} touched for a shorter time"
-        if every > len(pairs)
-        else ""
-    )
+    more = every - len(pairs)
+    left = f"{counted(more, 'further pair')} touched for a shorter time" if more else ""
     with styled():
         labels = [paired(pair) for pair in pairs]
         indent = _indent(labels)
-        figure, (axes,) = panels(1, 0.9 + 0.26 * len(pairs), f"{result.title}{left}", indent)
+        figure, (axes,) = panels(1, 0.9 + 0.26 * len(pairs), headed(result.title, left), indent)
         for status, colour in LOOKS.items():
             for row, pair in enumerate(pairs):
                 spans = [(s.begin, s.end - s.begin) for s in found if (s.pair, s.status) == (pair, status)]
@@ -163,7 +161,7 @@ def impacts(result: RunData, step: int | None = None) -> Chart:
     }
     first, last = (f"{t:.5g}" for t in (time.min(), time.max()))
     when = first if time.min() == time.max() else f"{first}\u00a0to\u00a0{last}"
-    title = f"{result.title}: impacts of step\u00a0{step}, t\u00a0=\u00a0{when}\u00a0s"
+    title = headed(result.title, f"impacts of step\u00a0{step}, t\u00a0=\u00a0{when}\u00a0s")
     names = [labels[pair] for pair in listed]
     if time.min() != time.max():
         problem = 1 + np.unique(np.stack([time, problem]), axis=1, return_inverse=True)[1].ravel()

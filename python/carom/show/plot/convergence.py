@@ -8,7 +8,7 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.errors import counted
-from carom.show.plot.style import COLOURS, GREY, Chart, entry, legend, panels, styled
+from carom.show.plot.style import COLOURS, GREY, Chart, entry, headed, legend, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ def convergence(study: Convergence) -> Chart:
     rounding = study.rounding
     least = rounding if any(e > rounding for row in study.errors.values() for e in row) else 0.0
     with styled():
-        figure, (axes,) = panels(1, 4.2, f"{study.title}: against {study.reference}")
+        figure, (axes,) = panels(1, 4.2, headed(study.title, f"against {study.reference}"))
         for i, (name, row) in enumerate(study.errors.items()):
             errors = np.array(row)
             numbers[f"error of {name} (1)"] = errors

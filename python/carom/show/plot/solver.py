@@ -9,7 +9,7 @@ import numpy as np
 from carom.arrays import F64, Array
 from carom.errors import CaromError, counted
 from carom.show.energies import energies as of_record
-from carom.show.plot.style import COLOURS, GREY, Chart, fitted, legend, panels, styled, whole_numbers
+from carom.show.plot.style import COLOURS, GREY, Chart, fitted, headed, legend, panels, styled, whole_numbers
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -88,7 +88,9 @@ def residuals(result: RunData, step: int | None = None) -> Chart:
         )
     time = step * _step_size(result)
     with styled():
-        figure, (axes,) = panels(1, 3.4, f"{result.title}: step\u00a0{step}, t\u00a0=\u00a0{time:.4g}\u00a0s")
+        figure, (axes,) = panels(
+            1, 3.4, headed(result.title, f"step\u00a0{step}, t\u00a0=\u00a0{time:.4g}\u00a0s")
+        )
         longest = max((h[3] for h in histories), key=len)
         order = sorted(range(len(histories)), key=lambda i: -len(histories[i][3]))[:MOST_HISTORIES]
         for i, (level, problem, contacts, history) in enumerate(histories):

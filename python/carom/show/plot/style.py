@@ -106,14 +106,23 @@ def named(name: str, most: int = LONGEST) -> str:
 
 
 def entry(name: str) -> str:
-    """The same as an entry of a legend, with a mark that `unmarked` takes away: matplotlib hides what begins with _."""
-    shown = named(name)
-    return f"{SEEN}{shown}" if shown.startswith("_") else shown
+    """The same as an entry of a legend."""
+    return seen(named(name))
+
+
+def seen(label: str) -> str:
+    """An entry of a legend with a mark that `unmarked` takes away: matplotlib hides what begins with _."""
+    return f"{SEEN}{label}" if label.startswith("_") else label
 
 
 def paired(names: Sequence[str]) -> str:
-    """Two names as the label of a row."""
+    """Two names as the label of a row, or with `seen` as an entry of a legend."""
     return " - ".join(named(name, 18 if width() > 5 else 10) for name in names)
+
+
+def headed(title: str, *said: str) -> str:
+    """The title of a scene, which may have none, and what a figure says besides."""
+    return ": ".join(filter(None, (title, *said)))
 
 
 def fitted(text: str, indent: float = 0.6) -> str:
