@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import carom
@@ -14,6 +15,7 @@ import pytest
 pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
 
 from carom.cli.examples import find
+from carom.many.sweep.plot import _title
 from carom.show.plot import contact
 from carom.show.plot.style import paired
 from carom.text import LONGEST, shortened
@@ -209,6 +211,7 @@ def test_figures_of_scenes_without_a_title_begin_with_a_word(
     figures += [carom.converge(scene, [2e-3, 1e-3], 1e-4).plot(), carom.compare(scene, "nsga").plot()]
     titles = [axes.get_title(loc="left") for figure in figures for axes in figure.axes]
     assert len(list(filter(None, titles))) >= 5
+    titles.append(_title(SimpleNamespace(study=SimpleNamespace(title=""), ok=np.array([True, False]))))  # type: ignore[arg-type]
     assert all(title[:1].isalnum() for title in titles if title)
 
 

@@ -13,7 +13,17 @@ from carom.errors import CaromError, did_you_mean
 from carom.many.sweep.study import RESERVED
 from carom.scene.assembly.rotations import upward
 from carom.show.plot.motion import level_axes
-from carom.show.plot.style import COLOURS, GREY, LETTERS_PER_INCH, Chart, literal, named, styled, width
+from carom.show.plot.style import (
+    COLOURS,
+    GREY,
+    LETTERS_PER_INCH,
+    Chart,
+    headed,
+    literal,
+    named,
+    styled,
+    width,
+)
 from carom.text import shortened
 
 if TYPE_CHECKING:
@@ -279,9 +289,8 @@ def _dot(count: int) -> float:
 
 def _title(sweep: Sweep) -> str:
     failed = int((~sweep.ok).sum())
-    return literal(
-        f"{sweep.study.title}: {int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
-    )
+    cases = f"{int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
+    return literal(headed(sweep.study.title, cases))
 
 
 def _label(sweep: Sweep, column: str, room: float) -> str:
