@@ -272,7 +272,8 @@ def _line(block: Block, load: dict[str, Any], end: int) -> tuple[F64, F64, F64, 
     (_, at_a, rate_a), (_, at_b, rate_b) = (_end(block, load, side, end) for side in "ab")
     way, rate = at_a - at_b, rate_a - rate_b
     length = norm(way)
-    line = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
+    line = np.where(length[:, None] > 0.0, way, rate)  # with no length that in which its ends part
+    line = line / np.maximum(norm(line), np.finfo(float).tiny)[:, None]
     tension = float(load["stiffness"]) * (length - float(load["rest_length"]))
     return line, length, tension + float(load["damping"]) * dot(line, rate), rate
 

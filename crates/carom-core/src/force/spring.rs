@@ -28,7 +28,7 @@ struct PlacedSpring {
     /// Velocity of point A relative to point B.
     rate: DVec3,
     length: f64,
-    /// From B to A; zero where the points coincide: then the spring has no direction and pulls nothing.
+    /// From B to A. Where the points coincide that in which they part, its limit; zero where they stay: then it pulls nothing.
     direction: DVec3,
 }
 
@@ -45,13 +45,15 @@ impl Spring {
         };
         let (arm_a, pa, va) = point(self.a, self.arm_a);
         let (arm_b, pb, vb) = point(self.b, self.arm_b);
-        let between = pa - pb;
+        let (between, rate) = (pa - pb, va - vb);
         PlacedSpring {
             arm_a,
             arm_b,
-            rate: va - vb,
+            rate,
             length: between.length(),
-            direction: between.normalize_or_zero(),
+            direction: between
+                .try_normalize()
+                .unwrap_or_else(|| rate.normalize_or_zero()),
         }
     }
 
