@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import carom
 import numpy as np
 import pytest
+from carom.scene.assembly.rotations import product
 
 
 def resting(**given: object) -> carom.Simulation:
@@ -144,6 +147,73 @@ def test_what_a_joint_holds_is_not_placed_off_it() -> None:
             sim.restore(state)
     assert sim.steps == 10
     sim.restore(later)
+
+
+def turned(axis: tuple[float, float, float], angle: float) -> list[float]:
+    """The quaternion of a turn about a unit axis."""
+    return [np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))]
+
+
+X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("joint", "fits", "wrong"),
+    [
+        ({"type": "lock"}, [], {"its turn since the start is 0.5 rad, it holds 0": (Z, 0.5)}),
+        (
+            {"type": "lock", "axes": [X, Y]},
+            [(Z, 0.5), (Z, np.pi)],
+            {"the axis that it leaves free is 0.5 rad": (X, 0.5), "is 3.14159 rad": (X, np.pi)},
+        ),
+        ({"type": "lock", "axes": [Z]}, [(X, 0.5)], {"its angle, but for whole turns, is 0.5": (Z, 0.5)}),
+        (
+            {"type": "motion", "axis": Z, "angle": {"expression": "90*t^2"}},
+            [(Z, 0.9 + 2 * np.pi), (X, 0.5)],
+            {"is 0.5 rad, it holds 0.9 rad; place": (Z, 0.5)},
+        ),
+    ],
+)
+def test_what_a_joint_holds_is_not_turned_off_it(
+    joint: dict[str, Any], fits: list[Any], wrong: dict[str, Any]
+) -> None:
+    scene = carom.Scene("held", gravity=(0, 0, 0))
+    scene.sphere("a", radius=0.05, mass=1, at=(0, 0, 0), material="m", orientation=turned(Y, 0.3))
+    scene.joint(**joint, body="a", name="pin")
+    sim = carom.Simulation(scene, step=1e-3)
+    for _ in range(10):
+        sim.step(10)
+        sim.restore(sim.state())
+    later = sim.state()
+    for turn in fits:
+        sim.restore(
+            later | {"orientation": later["orientation"] * 0 + product(turned(*turn), turned(Y, 0.3))}
+        )
+    for told, turn in wrong.items():
+        placed = product(turned(*turn), turned(Y, 0.3))
+        with pytest.raises(carom.CaromError, match=f'joint "pin" of "a": .*{told}'):
+            sim.restore(later | {"orientation": later["orientation"] * 0 + placed})
+
+
+def test_bodies_locked_together_turn_as_one() -> None:
+    """However far they have turned, in steps of a twentieth of a turn."""
+    scene = carom.Scene("pair", gravity=(0, 0, 0))
+    scene.contact("m", "m", friction=0.3, restitution=0.0)
+    spin = np.array([150.0, -200.0, 180.0])
+    for name, x in (("a", 0.0), ("b", 0.2)):
+        v = np.cross(spin, (x, 0, 0))
+        scene.sphere(name, radius=0.05, mass=1, at=(x, 0, 0), material="m", velocity=v, angular_velocity=spin)
+    scene.joint("lock", between=["a", "b"])
+    sim = carom.Simulation(scene, step=1e-3)
+    for _ in range(10):
+        sim.step(100)
+        sim.restore(sim.state())
+    state = sim.state()
+    together = product(turned(Y, 1.0), state["orientation"])
+    sim.restore(state | {"orientation": together})
+    together[1] = product(turned(X, 0.002), together[1])
+    with pytest.raises(carom.CaromError, match=r'"a" and "b": its turn since the start is 0\.002 rad'):
+        sim.restore(state | {"orientation": together})
 
 
 @pytest.mark.parametrize("method", ["nsga", "moreau"])

@@ -52,6 +52,7 @@ class Placement:
         # Moreau-Jean holds joints by their velocities alone: places drift, and no step takes them back.
         self._drifts = scene.run.method == "moreau"
         self._joints: list[tuple[str, int, int, Row, F64, F64]] = []
+        self._turns: list[tuple[str, int, int, list[Row], F64]] = []
         if tree.joint:
             start = all_balls(tree)
             number = numbers(start)
@@ -59,6 +60,8 @@ class Placement:
                 a, b, rows = joint_rows(joint, start, number)
                 name = joint.name or default_name(k)
                 self._joints += [(name, a, b, row, *_arms(row, (a, b), start)) for row in rows]
+                if rows[0].kind == "rotation":
+                    self._turns.append((name, a, b, rows, _relative(start.orientation, a, b)))
 
     def __bool__(self) -> bool:
         return bool(self._clumps or self._joints)
@@ -120,10 +123,14 @@ class Placement:
             elif motion is not None:
                 told = self._off_rate((a, b), row, ends, (x, *motion), (time, step))
             if told:
-                both = " and ".join(quoted(self._names[k]) for k in (a, b) if k != GROUND_INDEX)
-                raise CaromError(
-                    f"restore: joint {quoted(name)} of {both}: {told} all that it joins together"
-                )
+                self._refuse(name, a, b, told)
+        for name, a, b, rows, first in [] if self._drifts else self._turns:
+            if told := _off_turn(rows, b, product(_relative(q, a, b), inverse(first)), time):
+                self._refuse(name, a, b, told)
+
+    def _refuse(self, name: str, a: int, b: int, told: str) -> None:
+        both = " and ".join(quoted(self._names[k]) for k in (a, b) if k != GROUND_INDEX)
+        raise CaromError(f"restore: joint {quoted(name)} of {both}: {told} all that it joins together")
 
     def _off_rate(
         self,
@@ -168,6 +175,42 @@ class Placement:
             allowed = (REFUSED + step * turning) * (fast + abs(slope)) + 10.0 * doubt
             held.append(abs(rate - slope) <= max(allowed, UNNOTICED * size / step))
         return None if any(held) else f"the {what} is {rate:.6g} {unit}, it holds {slope:.6g} {unit}; strike"
+
+
+def _relative(q: F64, a: int, b: int) -> F64:
+    """Orientation of body a in the axes of body b or of the ground."""
+    return q[a] if b == GROUND_INDEX else product(inverse(q[b]), q[a])
+
+
+def _off_turn(rows: list[Row], b: int, turn: F64, time: float) -> str | None:
+    """What is wrong with the turn of a joint's bodies against one another since the start.
+
+    Rows hold rates about axes fixed in space, of which an angle is what they leave if nothing else turns: three leave no
+    turn, two to the ground one about the axis across both, and one holds the angle of a body that turned about it alone.
+    """
+    axes = np.array([row.direction for row in rows])
+    turn = turn / max(math.hypot(*turn), math.ulp(0.0))  # what is no rotation is left to the core
+    law = value_at(rows[0].law, time)
+    if len(axes) == 3:
+        found = 2.0 * math.atan2(float(np.linalg.norm(turn[1:])), abs(float(turn[0])))
+        what = "its turn since the start"
+    elif b != GROUND_INDEX:
+        return None
+    elif len(axes) == 2:
+        free = np.cross(*axes)
+        found, what = _tilt(turn, free / np.linalg.norm(free)), "the tilt of the axis that it leaves free"
+    elif _tilt(turn, axes[0]) > APART:
+        return None
+    else:
+        angle = 2.0 * math.atan2(float(turn[1:] @ axes[0]), float(turn[0]))
+        found, what = law + math.remainder(angle - law, 2.0 * math.pi), "its angle, but for whole turns,"
+    return f"{what} is {found:.6g} rad, it holds {law:.6g} rad; place" if abs(found - law) > REFUSED else None
+
+
+def _tilt(turn: F64, axis: F64) -> float:
+    """Angle by which an axis has turned, rad."""
+    moved = rotated(turn, axis)
+    return math.atan2(float(np.linalg.norm(np.cross(axis, moved))), float(axis @ moved))
 
 
 def _arms(row: Row, ends: tuple[int, int], start: Bodies) -> tuple[F64, F64]:
