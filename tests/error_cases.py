@@ -234,6 +234,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("world.deformation", STRETCHED.replace("{0}", '{ expression = "1 + t/(0.5-t)" }')),
         ("load", force('{ expression = "1/(0.5-t)" }')),
     ],
+    "has no finite slope at ... = 0, where it moves something": [
+        ("joint", MOTION + 'displacement = { expression = "0.1*sqrt(t)" }\n')
+    ],
     "... is no sphere": [("load", '[[load]]\non = "ground"\nforce = [0,0,1]\n')],
     'a sphere is called "all", which here means every sphere': [
         (

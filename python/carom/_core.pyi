@@ -35,6 +35,9 @@ class Expression:
     def evaluate(self, values: Mapping[str, float]) -> float:
         """Value for the named values, of which more may be given than needed; finite, or else `ExpressionError`."""
 
+    def slope(self, x: float) -> float:
+        """Derivative at `x`, from the right, of a formula of at most one variable; it need not be finite."""
+
 class Block(TypedDict):
     """What a call of `Simulation.advance` produced. Row counts: F frames, C contact rows, S steps, I impact rows."""
 

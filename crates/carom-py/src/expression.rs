@@ -1,6 +1,7 @@
 //! Expressions of scenario files.
 
 use crate::ExpressionError;
+use carom_laws::Scalar;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 
@@ -27,6 +28,13 @@ impl Expression {
     #[getter]
     fn variables(&self) -> Vec<String> {
         self.inner.variables().to_vec()
+    }
+
+    /// That of a law: as the core takes it.
+    fn slope(&self, x: f64) -> PyResult<f64> {
+        let law = Scalar::Expression(self.inner.clone());
+        law.check().map_err(ExpressionError::new_err)?;
+        Ok(law.slope(x))
     }
 
     fn evaluate(&self, values: &Bound<'_, PyMapping>) -> PyResult<f64> {

@@ -88,19 +88,19 @@ class Joint(Table):
     axis: Annotated[Vec3, Direction()] | None = key(
         "fixed axis of the given rotation", default=None, examples=[[0.0, 0.0, 1.0]]
     )
-    length: Annotated[LawValue, Law("t", "length", POSITIVE)] | None = key(
+    length: Annotated[LawValue, Law("t", "length", POSITIVE, moves=True)] | None = key(
         "of the rod, a number or a law of the time t; if omitted, that at the start",
         "m",
         default=None,
         examples=[0.5],
     )
-    displacement: Annotated[LawValue, Law("t", "length")] | None = key(
+    displacement: Annotated[LawValue, Law("t", "length", moves=True)] | None = key(
         "along direction, from the start: a law of the time t",
         "m",
         default=None,
         examples=[{"expression": "0.01*sin(10*t)"}],
     )
-    angle: Annotated[LawValue, Law("t", "angle")] | None = key(
+    angle: Annotated[LawValue, Law("t", "angle", moves=True)] | None = key(
         "about axis, from the start: a law of the time t",
         "rad",
         default=None,

@@ -44,11 +44,12 @@ _POINT = Vector(size=2)
 @dataclass(frozen=True)
 class Law(Checked):
     """A law of `variable` whose values have `dimension`; `bounds` hold for a constant, for the
-    value at zero and for the points of a table from there on."""
+    value at zero and for the points of a table from there on. Where it `moves` something its slope is a speed."""
 
     variable: str
     dimension: str = "number"
     bounds: Bounds = ANY
+    moves: bool = False
 
     def check(self, value: Any) -> LawValue:
         if not isinstance(value, Mapping):
@@ -74,6 +75,10 @@ class Law(Checked):
             wanted = self.bounds.words()
             cause = f"must be {wanted} at {self.variable} = 0, found {start:.6g}"
             raise refuse(cause, f"change the {form} so that its value there is {wanted}", (form,))
+        if self.moves and not math.isfinite(slope_of(law, 0.0)):
+            cause = f"has no finite slope at {self.variable} = 0, where it moves something"
+            cure = f"change the {form}, so that it begins with a speed; t^1.5 has one, t*sqrt(t) as a product none"
+            raise refuse(cause, cure, (form,))
         for k, (x, y) in enumerate(values if form == "table" else ()):
             if x >= 0.0 and not self.bounds.hold(y):
                 cause = f"must be {self.bounds.words()} everywhere, found {y:.6g} at {self.variable} = {x:g}"
@@ -117,11 +122,12 @@ class Law(Checked):
 
 @dataclass(frozen=True)
 class LawVector(Checked):
-    """Three laws, one per fixed axis; `bounds` as in `Law`."""
+    """Three laws, one per fixed axis; `bounds` and `moves` as in `Law`."""
 
     variable: str
     dimension: str
     bounds: Bounds = ANY
+    moves: bool = False
 
     def check(self, value: Any) -> tuple[LawValue, ...]:
         value = as_list(value)
@@ -132,7 +138,7 @@ class LawVector(Checked):
         return tuple(each(value, self._item().check))
 
     def _item(self) -> Law:
-        return Law(self.variable, self.dimension, self.bounds)
+        return Law(self.variable, self.dimension, self.bounds, self.moves)
 
     def json_schema(self) -> dict[str, Any]:
         return {"type": "array", "items": self._item().json_schema(), "minItems": 3, "maxItems": 3}
@@ -240,6 +246,12 @@ def fault_at(law: LawValue, x: float) -> str:
         except ValueError as e:
             return f": {e}"
     return ""
+
+
+def slope_of(law: LawValue, x: float) -> float:
+    """Derivative at `x` from the right, as the core takes it; not finite where there is none."""
+    expression = isinstance(law, dict) and law.get("expression")
+    return parse(expression).slope(x) if expression else slope_at(law, x, 1.0)[0]
 
 
 def slope_at(law: LawValue, x: float, h: float) -> tuple[float, float]:

@@ -29,7 +29,7 @@ class Rotation(Table):
         default=None,
         examples=[[0.0, 0.0, 0.0]],
     )
-    angle: Annotated[LawValue, Law("t", "angle")] | None = key(
+    angle: Annotated[LawValue, Law("t", "angle", moves=True)] | None = key(
         "a law of the time t that is 0 at the start",
         "rad",
         default=None,
@@ -71,7 +71,7 @@ class Motion(Table):
 
     section: ClassVar[str] = "motion"
 
-    translation: Annotated[LawVec3, LawVector("t", "length")] | None = key(
+    translation: Annotated[LawVec3, LawVector("t", "length", moves=True)] | None = key(
         "displacement from the start: numbers or laws of the time t that are 0 at the start",
         "m",
         default=None,
