@@ -188,7 +188,7 @@ def test_a_diagonal_tensor_keeps_its_axes() -> None:
     ("moments", "why"),
     [
         ((1.0, 1.0, 2.0), ""),  # a flat body
-        ((1.0, 1.0, 2.0 + 1e-6), "more than the sum"),
+        ((1.0, 1.0, 2.0 + 1e-6), "moment 2 kg m^2 is more than the sum of the other two, by 1e-06 kg m^2"),
         ((0.0, 1.0, 1.0), "not positive"),
         ((-1.0, 1.0, 1.0), "not positive"),
         ((math.nan, 1.0, 1.0), "not positive"),

@@ -412,6 +412,36 @@ def test_a_run_goes_on_only_until_a_rod_vanishes(tmp_path: Path) -> None:
         carom.resume(tmp_path / "run", until=1.0)
 
 
+def test_a_law_that_begins_with_no_speed_is_refused_where_it_stands() -> None:
+    """`carom check` had no objection, and the core refused the law of "joint 0"."""
+    text = balls(until=0.1).to_toml() + '[[joint]]\nname = "servo"\ntype = "motion"\nbody = "a"\n'
+    text += 'direction = [1, 0, 0]\ndisplacement = { expression = "sqrt(t)" }\n'
+    line = text.splitlines().index('displacement = { expression = "sqrt(t)" }') + 1
+    with pytest.raises(
+        ScenarioError, match=f'{line}: joint "servo" displacement: has no finite slope at t = 0'
+    ):
+        Scene.from_toml(text)
+    Scene.from_toml(text.replace("sqrt(t)", "t^1.5")).validate()
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+def test_a_run_that_a_law_stops_says_which() -> None:
+    def stopped(scene: Scene) -> str:
+        with pytest.raises(carom.RunFailed) as told:
+            carom.simulate(scene)
+        return str(told.value)
+
+    scene = balls(until=0.05, step=1e-3)
+    scene.load("b", force=({"expression": "1/(0.02 - t)"}, 0, 0))
+    assert "at b (force [inf, 0, 0] N, torque [0, 0, 0] N m at t = 0.02 s)" in stopped(scene)
+    scene = balls(until=0.05, step=1e-3)
+    scene.joint("lock", body="a", name="pin")
+    scene.joint("motion", body="a", direction=(1, 0, 0), displacement={"expression": "1/(0.04-t)-25-625*t"})
+    assert 'at a (joint "joint2": its law gives inf with the slope' in stopped(scene)
+    scene.joints[1].name = "servo"
+    assert 'at a (joint "servo": its law gives inf with the slope' in stopped(scene)
+
+
 def test_advice_on_laws_that_end_within_the_run() -> None:
     scene = balls(until=3.0)
     scene.load("a", force=(0, 0, {"expression": "sqrt(2 - t)"}))

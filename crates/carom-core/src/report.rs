@@ -366,6 +366,8 @@ pub struct Outcome {
     pub failure: Failure,
     /// The spheres and walls that it is about, as far as it is about any.
     pub bodies: Vec<u32>,
+    /// The joint whose law could not be evaluated.
+    pub joint: Option<u32>,
     /// What else there is to say: numbers, or what a load said.
     pub message: Option<String>,
     /// The error of a load that is a function of the user.

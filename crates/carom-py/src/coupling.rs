@@ -193,8 +193,8 @@ impl Callable {
         })
         .map_err(|error| LoadError {
             text: error.to_string(),
-            body: None,
             source: Some(Arc::new(error)),
+            ..LoadError::default()
         })
     }
 }

@@ -24,6 +24,9 @@ pub fn outcome_dict<'py>(py: Python<'py>, o: &Outcome) -> PyResult<Bound<'py, Py
     if !o.bodies.is_empty() {
         out.set_item("bodies", &o.bodies)?;
     }
+    if let Some(joint) = o.joint {
+        out.set_item("joint", joint)?;
+    }
     if let Some(unsolved) = &o.unsolved {
         out.set_item("contacts", unsolved.contacts)?;
         out.set_item("joints", unsolved.joints)?;

@@ -327,7 +327,7 @@ class Run:
         segment["phases"] = summary.plain(simulation.phases())
         about["segments"] = [*(part for part in about["segments"] if part is not segment), segment]
         about["status"] = "failed" if failed else ending.kind
-        about["outcome"] = summary.named(ending.outcome, self.names, self.wall_names)
+        about["outcome"] = summary.named(ending.outcome, self.names, self.wall_names, scene.joint_names)
         about["finished"] = now()
         about["summary"] = summary.summary(scene, simulation, self.plan, about)
         return problem

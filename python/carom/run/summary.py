@@ -13,6 +13,7 @@ import numpy as np
 
 import carom
 from carom import _core
+from carom.errors import quoted
 from carom.result.kinematics import QUANTITIES
 from carom.run import checkpoint
 
@@ -81,9 +82,15 @@ def _phases(segments: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return dict(spent)
 
 
-def named(outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str]) -> dict[str, Any]:
-    """An outcome of the core with names instead of indices in `bodies`, and only plain values."""
+def named(
+    outcome: Mapping[str, Any], bodies: Sequence[str], walls: Sequence[str], joints: Sequence[str]
+) -> dict[str, Any]:
+    """An outcome of the core with names instead of indices in `bodies`, that of its joint in the message, and only plain
+    values.
+    """
     found: dict[str, Any] = plain(outcome)
+    if (joint := found.pop("joint", None)) is not None:
+        found["message"] = f"joint {quoted(joints[joint])}: {found['message']}"
     names = [*bodies, *walls]
     if found.get("bodies") is not None:
         found["bodies"] = [names[i] if 0 <= i < len(names) else str(i) for i in found["bodies"]]

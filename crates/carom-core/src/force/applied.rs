@@ -17,13 +17,14 @@ pub struct Applied {
 }
 
 impl Applied {
+    fn given(&self, time: f64) -> [DVec3; 2] {
+        [&self.force, &self.torque].map(|s| DVec3::from_array([0, 1, 2].map(|k| s[k].value(time))))
+    }
+
     fn wrench(&self, at: &Motion) -> [DVec3; 2] {
-        let time = at.time;
-        let vector =
-            |s: &[Scalar; 3]| DVec3::new(s[0].value(time), s[1].value(time), s[2].value(time));
-        let force = vector(&self.force);
+        let [force, torque] = self.given(at.time);
         let arm = at.orientation[self.body as usize] * self.arm;
-        [force, vector(&self.torque) + arm.cross(force)]
+        [force, torque + arm.cross(force)]
     }
 }
 
@@ -58,6 +59,7 @@ impl Load for Applied {
     fn add(&self, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Result<(), LoadError> {
         let [f, m] = self.wrench(at);
         if !(f.is_finite() && m.is_finite()) {
+            let [f, m] = self.given(at.time);
             let text = format!("force {f} N, torque {m} N m at t = {} s", at.time);
             return Err(LoadError::on(self.body, text));
         }

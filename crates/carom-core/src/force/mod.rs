@@ -131,6 +131,8 @@ pub struct Magnitude {
 pub struct LoadError {
     pub text: String,
     pub body: Option<u32>,
+    /// The joint whose law it was.
+    pub joint: Option<u32>,
     /// The error of the user's function.
     pub source: Option<Arc<dyn Error + Send + Sync>>,
 }
@@ -140,7 +142,7 @@ impl LoadError {
         LoadError {
             text,
             body: Some(body),
-            source: None,
+            ..LoadError::default()
         }
     }
 }

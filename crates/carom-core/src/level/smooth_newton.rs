@@ -180,11 +180,12 @@ impl SmoothScratch {
             for row in &joint.rows {
                 let (value, slope) = (row.law.value(time), row.law.slope(time));
                 if !(value.is_finite() && slope.is_finite()) {
-                    let text = format!(
-                        "the law of joint {} gives {value} with the slope {slope} at t = {time} s",
-                        index + 1
-                    );
-                    return Err(LoadError::on(joint.a, text));
+                    let text =
+                        format!("its law gives {value} with the slope {slope} at t = {time} s");
+                    return Err(LoadError {
+                        joint: Some(index as u32),
+                        ..LoadError::on(joint.a, text)
+                    });
                 }
             }
         }

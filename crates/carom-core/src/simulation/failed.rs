@@ -34,6 +34,7 @@ impl Simulation {
             time: step as f64 * self.model.options.step,
             failure,
             bodies: Vec::new(),
+            joint: None,
             message: None,
             source: None,
             unsolved: None,
@@ -83,7 +84,7 @@ impl Simulation {
             }
             Failure::Load => {
                 let said = self.scratch.load_error.take().unwrap_or_default();
-                out.bodies = said.body.into_iter().collect();
+                (out.bodies, out.joint) = (said.body.into_iter().collect(), said.joint);
                 (out.message, out.source) = (Some(said.text), said.source);
             }
             Failure::NotConverged(level) => {

@@ -68,5 +68,6 @@ def fault(moments: Vec3) -> str:
     if not least > 0.0:
         return f"the principal moment {least:.4g} kg m^2 is not positive"
     if most > (least + middle) * (1.0 + FLAT):
-        return f"the principal moment {most:.4g} kg m^2 is more than the sum {least + middle:.4g} of the other two"
+        excess = most - (least + middle)
+        return f"the principal moment {most:.4g} kg m^2 is more than the sum of the other two, by {excess:.2g} kg m^2"
     return ""
