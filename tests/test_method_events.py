@@ -102,6 +102,10 @@ def test_balls_that_press_one_another_are_stepped_and_said_so(tmp_path: Path) ->
     for name in scene.names:
         off = np.abs(result[name].position[-1] - finer[name].position[-1]).max()
         assert off < 1e-4, name
+    carom.simulate(scene, until=0.15, out=tmp_path / "part")
+    again = carom.resume(tmp_path / "part", until=2.0).transitions
+    for kind, found in (("press", press), ("release", release)):
+        assert again.where(again.event == kind).time.tolist() == found.time.tolist()
 
 
 @pytest.mark.parametrize(("direction", "height"), [(1.0, 0.2), (2.0, 0.4), (3.0, 0.3)])
@@ -351,3 +355,69 @@ def test_a_stack_that_is_dropped_ends_at_rest_whatever_the_step(count: int, rest
         np.testing.assert_allclose(
             result.position[-1, :, 2], 0.03 + 0.06 * np.arange(count), rtol=0, atol=1e-9
         )
+
+
+@pytest.mark.parametrize("step", [0.5, 0.25, 0.125])
+def test_what_happens_at_the_end_of_a_step_is_of_that_step(step: float) -> None:
+    """Impacts, the end of a slip and an outlet, all at t = 0.5 by numbers without rounding: frames have them too."""
+    scene = carom.Scene("ends", gravity=(0, 0, -8.0), run={"until": 1.0, "step": step, "method": "events"})
+    scene.contact("b", "w", friction=0.25, restitution=0.5)
+    scene.contact("b", "b", friction=0.0, restitution=1.0)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    scene.plane("wall", point=(2.0, 0, 0), normal=(-1, 0, 0), material="w")
+    for name, at, v in (
+        ("hits", (1.5, 0, 5.0), (0.5, 0, 0)),
+        ("rolls", (-1.0, 3, 0.25), (3.5, 0, 0)),
+        ("lands", (0.0, -3, 1.25), (0, 0, 0)),
+        ("leaves", (-1.0, -5, 5.25), (-2, 0, 0)),
+    ):
+        scene.sphere(name, material="b", radius=0.25, mass=1.0, position=at, velocity=v)
+    scene.outlet(low=(-9, -9, -9), high=(-2.0, 9, 9))
+    result = carom.simulate(scene)
+    rows = result.transitions
+    rows = rows.where(rows["time"] == 0.5)
+    found = sorted(zip(rows["pair"][:, 0], rows["event"], strict=True))
+    assert found == [
+        ("hits", "impact"),
+        ("lands", "impact"),
+        ("leaves", "outlet"),
+        ("rolls", "slip ends"),
+    ]
+    assert set(rows["step"].tolist()) == {int(0.5 / step)}
+    assert set(result.impacts.step[np.asarray(result.impacts.time) == 0.5].tolist()) == {int(0.5 / step)}
+    k = int(0.5 / step)
+    assert result["hits"].velocity[k, 0] == pytest.approx(-0.25, abs=1e-12)
+    assert result["lands"].velocity[k, 2] == pytest.approx(2.0, abs=1e-12)
+    assert not result["leaves"].present[k]
+
+
+@pytest.mark.filterwarnings("ignore::carom.CaromWarning")
+@pytest.mark.parametrize("seed", range(12))
+def test_rows_of_a_ball_follow_one_another(seed: int, tmp_path: Path) -> None:
+    """Each mode before is the last one after: in breaks of frozen balls, which press, by balls that bounce."""
+    rng = np.random.default_rng(seed)
+    t = billiards.table("9ft")
+    scene = t.scene(until=2.0, step=(0.01, 0.05)[seed % 2], method="events")
+    cue = t.cue_ball(scene, at=(0.6, rng.uniform(0.4, 0.8)))
+    t.rack(scene, gap=0.0 if seed % 3 else 1e-4)
+    speed, direction, elevation = rng.uniform([1, -0.3, 1], [6, 0.3, 8])
+    billiards.strike(cue, speed=speed, direction=direction, elevation=f"{elevation} deg", side=0.2)
+    result = carom.simulate(scene, out=tmp_path / "run")
+    rows, last = result.transitions, dict[str, str]()
+    for ball, before, after in zip(rows["pair"][:, 0], rows["before"], rows["after"], strict=True):
+        assert last.get(ball, before) == before
+        last[ball] = after
+    report = check(tmp_path / "run")
+    assert report.ok, str(report)
+
+
+def test_a_landing_too_weak_for_a_row_of_impacts_is_told() -> None:
+    """The last bounce rises at 4.9014e-9 m/s, just above what counts as none, and below 1e-9 of the speed."""
+    scene = carom.Scene("hop", gravity=(0, 0, -9.8), run={"until": 0.3, "step": 0.01, "method": "events"})
+    scene.contact("b", "w", friction=0.2, restitution=0.5)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    at = (0, 0, 0.03 + 0.022080536912751678)
+    scene.sphere("a", material="b", radius=0.03, mass=0.2, position=at, velocity=(8.0, 0, 0))
+    rows = carom.simulate(scene).transitions
+    assert (rows["event"][-1], rows["before"][-1], rows["after"][-1]) == ("impact", "flight", "slide")
+    assert rows["pair"][-1].tolist() == ["a", "bed"]

@@ -40,6 +40,20 @@ pub enum Kind {
     Release,
 }
 
+impl Kind {
+    /// What has made one mode of a closed form another, where nothing else says it; none where they are the same.
+    pub fn of(before: Mode, after: Mode) -> Option<Kind> {
+        let kind = match (before, after) {
+            (_, Mode::Flight) => Kind::Edge,
+            (Mode::Slide, _) => Kind::SlipEnd,
+            (Mode::Roll, Mode::Spin | Mode::Rest) => Kind::RollEnd,
+            (Mode::Spin, Mode::Rest) => Kind::SpinEnd,
+            _ => Kind::Impact,
+        };
+        (before != after).then_some(kind)
+    }
+}
+
 /// A ball whose motion changed at an event, of methods that have such.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transition {

@@ -41,7 +41,6 @@ impl Run<'_> {
         // Without a form on its surface it would fall into it, and so presses it.
         let mut motion = carried.unwrap_or_else(|| Motion::flight(now, x, [v, w], g));
         motion.follow(&mut self.events.curves[i], self.model.radius[i], goes_on);
-        motion.ends = motion.start + motion.holds;
         self.events.motions[i] = motion;
     }
 

@@ -14,6 +14,7 @@ impl Run<'_> {
                 self.bring(i, h);
             }
         }
+        self.take_out_all(h);
         let impacts = self.scratch.impacts.len();
         self.scratch.impact_times.resize(impacts, self.span.end);
         self.scratch.warm.clear();

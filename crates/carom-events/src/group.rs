@@ -42,17 +42,13 @@ impl Run<'_> {
             let (contacts, impulses) = (&scratch.contacts, &mut scratch.wall_impulse);
             (scratch.walls).collect(model, state, &state.position, contacts, impulses);
         }
-        let before_it = group.iter().map(|&i| {
-            let motion = &self.events.motions[i];
-            (motion.mode, motion.support.map(|s| s.wall))
-        });
-        let before_it: Vec<_> = before_it.collect();
+        let carrier = |&i: &usize| self.events.motions[i].support.map(|s| s.wall);
+        let carriers: Vec<_> = group.iter().map(carrier).collect();
         self.go_on(&group, t);
-        for (&i, (mode, carrier)) in group.iter().zip(before_it) {
-            if let Some(other) = self.hit(i, carrier, before) {
-                let modes = [mode, self.events.motions[i].mode];
-                self.note(t, Kind::Impact, i, Some(other), modes);
-            }
+        for (&i, carrier) in group.iter().zip(carriers) {
+            // What is too weak for a row of impacts may change the mode: the last of ever shorter bounces.
+            let hit = self.hit(i, carrier, before);
+            self.tell(t, hit.map(|_| Kind::Impact), i, hit);
         }
         self.events.group = group;
         Ok(())

@@ -4,7 +4,6 @@ use crate::foresee::FLIGHT;
 use crate::queue::Event;
 use crate::step::Run;
 use carom_core::contact::Contact;
-use carom_core::flow::exchange::is_out;
 use carom_core::flow::Exchange;
 use carom_core::outcome::{Failure, ImpactRecord};
 use carom_core::scratch::Scratch;
@@ -30,7 +29,6 @@ impl Run<'_> {
         }
         let mut pressing: Vec<_> = self.events.queue.pressing().chain([event.bodies]).collect();
         pressing.sort_unstable();
-        let modes: Vec<Mode> = self.events.motions.iter().map(|m| m.mode).collect();
         for i in 0..n {
             if self.state.present[i] {
                 self.bring(i, start);
@@ -38,14 +36,12 @@ impl Run<'_> {
         }
         // What presses at the start of a later step did so at the end of the one before, and goes on.
         let is_new = start > FLIGHT || self.state.step == 0;
-        for (i, other) in each(&pressing, n).filter(|_| is_new) {
-            self.note(
-                start,
-                Kind::Press,
-                i,
-                Some(other),
-                [modes[i], Mode::Stepped],
-            );
+        for (i, other) in each(&pressing, n) {
+            if self.events.is_first && !is_new {
+                self.events.told[i] = Mode::Stepped;
+            } else if self.events.told[i] != Mode::Stepped {
+                self.note(start, Kind::Press, i, Some(other), Mode::Stepped);
+            }
         }
         if self.events.stepping.options.loads_once() {
             self.scratch.load_shift.resize(n, [DVec3::ZERO; 2]);
@@ -81,14 +77,8 @@ impl Run<'_> {
         }
         self.report.handovers += u32::from(is_new);
         self.report.stepped += now - start;
-        for (i, &before) in modes.iter().enumerate().filter(|_| now < end) {
-            let (after, pressed) = (
-                self.events.motions[i].mode,
-                each(&pressing, n).any(|p| p.0 == i),
-            );
-            if self.state.present[i] && (pressed || before != after) {
-                self.note(now, Kind::Release, i, None, [Mode::Stepped, after]);
-            }
+        if now < end {
+            self.tell_all(now, true);
         }
         Ok(now)
     }
@@ -129,15 +119,6 @@ impl Run<'_> {
                 self.steps(now + 0.5 * h, 0.5 * h, depth + 1)
             }
             Err(other) => Err(other),
-        }
-    }
-
-    /// Balls that a step has brought into the box of an outlet.
-    fn take_out_all(&mut self, now: f64) {
-        for i in 0..self.model.bodies() {
-            if is_out(self.model, self.state, i) {
-                self.leave(i, now, Mode::Stepped);
-            }
         }
     }
 

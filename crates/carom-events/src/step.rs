@@ -1,18 +1,17 @@
 //! The loop over events: from one report to the next, each ball as its closed form has it until something happens to it.
 
 use crate::curved::Curve;
-use crate::foresee::Foresight;
+use crate::foresee::{Foresight, FLIGHT};
 use crate::motion::Motion;
 use crate::queue::{Event, Queue, What};
 use crate::sums::Sums;
 use carom_core::contact::ContactKey;
-use carom_core::flow::exchange::take_out;
 use carom_core::outcome::Failure;
 use carom_core::scratch::Scratch;
 use carom_core::stepper::method::{Step, Stepper};
 use carom_core::stepper::Span;
 use carom_core::timers::Phase;
-use carom_core::transition::{Kind, Mode, Transition};
+use carom_core::transition::{Kind, Mode};
 use carom_core::{Model, State, StepReport};
 use glam::DVec3;
 
@@ -21,7 +20,7 @@ pub const JOINS: f64 = 1e-9;
 /// Events in a step at most: so many, and so many more for each second of it. Fewer: breaks of many balls are refused; more: it takes long to say that impacts
 /// follow one another without end.
 const MOST_EVENTS: [f64; 2] = [1e5, 1e6];
-/// Method `events`. Nothing here outlives a step.
+/// Method `events`. Nothing here outlives a step but `told`.
 pub struct Events {
     pub motions: Vec<Motion>,
     /// Of the balls whose slides turn.
@@ -30,6 +29,12 @@ pub struct Events {
     pub sums: Sums,
     pub group: Vec<usize>,
     pub touching: Vec<ContactKey>,
+    /// What the rows of the table of transitions have said of each ball. Of its motion it decides nothing.
+    pub told: Vec<Mode>,
+    /// Whether they said nothing before this step: the run begins, is taken up again, or its state was changed.
+    pub is_first: bool,
+    /// Places and velocities at the end of the last step.
+    left: [Vec<DVec3>; 3],
     /// What `nsga` steps with where bodies press one another.
     pub stepping: Model,
 }
@@ -44,6 +49,9 @@ impl Events {
             sums: Sums::default(),
             group: Vec::new(),
             touching: Vec::new(),
+            told: Vec::new(),
+            is_first: true,
+            left: Default::default(),
         }
     }
 }
@@ -51,6 +59,10 @@ impl Events {
 impl Stepper for Events {
     fn step(&mut self, on: &mut Step) -> Result<(), Failure> {
         let kept = on.state.clone();
+        let moves = |s: &State| {
+            [&s.position, &s.velocity, &s.angular_velocity].map(|of: &Vec<DVec3>| of.clone())
+        };
+        self.is_first = self.left != moves(on.state);
         on.scratch.begin_step();
         on.scratch.wall_impulse.fill([DVec3::ZERO; 2]);
         let mut run = Run {
@@ -58,7 +70,7 @@ impl Stepper for Events {
             state: on.state,
             scratch: on.scratch,
             report: on.report,
-            events: self,
+            events: &mut *self,
             span: on.span,
             fastest: 0.0,
         };
@@ -66,6 +78,7 @@ impl Stepper for Events {
         if made.is_err() {
             *on.state = kept;
         }
+        self.left = moves(on.state);
         on.timers.mark(Phase::Velocity);
         made
     }
@@ -73,6 +86,14 @@ impl Stepper for Events {
     fn divides_steps(&self) -> bool {
         true
     }
+}
+
+/// Of a step: what presses already, until its end, and what is due there.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Begin,
+    Rest,
+    End,
 }
 
 /// One step.
@@ -94,17 +115,33 @@ impl Run<'_> {
         let h = self.span.h;
         let most = (MOST_EVENTS[0] + MOST_EVENTS[1] * h) as u32;
         let (mut events, mut last, mut shortest) = (0, 0.0, h);
-        while let Some(event) = self.events.queue.next(h) {
-            if events == most {
-                return Err(Failure::TooManyEvents(event.bodies.0, event.bodies.1));
+        // What presses at once has pressed at the end of the step before. What is due at the end is of this step: roots are found short of it alone.
+        'parts: for part in [Part::Begin, Part::Rest, Part::End] {
+            match part {
+                Part::Begin => self.tell_begin(),
+                Part::Rest => self.tell_all(last, true),
+                Part::End => self.foresee(&self.present(), h),
             }
-            events += 1;
-            shortest = f64::min(shortest, event.time - last);
-            last = event.time;
-            if event.what == What::Press {
-                last = self.hand_over(&event)?;
+            let until = if part == Part::Begin {
+                FLIGHT.min(h)
             } else {
-                self.happens(&event)?;
+                h
+            };
+            while let Some(event) = self.events.queue.next(until) {
+                if events == most {
+                    return Err(Failure::TooManyEvents(event.bodies.0, event.bodies.1));
+                }
+                events += 1;
+                shortest = f64::min(shortest, event.time - last);
+                last = event.time;
+                if event.what != What::Press {
+                    self.happens(&event)?;
+                    continue;
+                }
+                last = self.hand_over(&event)?;
+                if last == h {
+                    break 'parts;
+                }
             }
         }
         if events > 0 {
@@ -127,8 +164,12 @@ impl Run<'_> {
         for i in 0..n {
             self.set_off(i, now, self.support(i), false);
         }
-        let present: Vec<usize> = (0..n).filter(|&i| self.state.present[i]).collect();
-        self.foresee(&present, now);
+        self.foresee(&self.present(), now);
+    }
+
+    pub fn present(&self) -> Vec<usize> {
+        let all = 0..self.model.bodies();
+        all.filter(|&i| self.state.present[i]).collect()
     }
 
     /// Counts the present speed of a ball, which may have fallen since the step began.
@@ -150,6 +191,8 @@ impl Run<'_> {
             fastest: self.fastest,
         };
         for &i in balls {
+            let motion = &mut foresight.motions[i];
+            motion.ends = motion.start + motion.holds;
             foresight.motions[i].ends = foresight.alone(i, queue);
         }
         for (k, &i) in balls.iter().enumerate() {
@@ -171,15 +214,12 @@ impl Run<'_> {
             _ => self.bring(i, t),
         }
         let motion = &self.events.motions[i];
-        let (mode, end, on) = (motion.mode, motion.end, motion.support);
+        let (end, on) = (motion.end, motion.support);
         match event.what {
-            What::Leave => {
-                self.leave(i, t, mode);
-            }
+            What::Leave => self.leave(i, t),
             What::Edge => {
                 self.go_on(&[i], t);
-                let after = self.events.motions[i].mode;
-                self.note(t, Kind::Edge, i, Some(b), [mode, after]);
+                self.tell(t, Some(Kind::Edge), i, Some(b));
             }
             _ => {
                 let moves = [self.state.velocity[i], self.state.angular_velocity[i]];
@@ -187,10 +227,7 @@ impl Run<'_> {
                 (self.state.velocity[i], self.state.angular_velocity[i]) = (v, w);
                 self.set_off_along(i, t);
                 self.foresee(&[i], t);
-                if let Some(kind) = end.kind() {
-                    let (after, wall) = (self.events.motions[i].mode, on.map(|s| s.wall));
-                    self.note(t, kind, i, wall, [mode, after]);
-                }
+                self.tell(t, end.kind(), i, on.map(|s| s.wall));
             }
         }
         Ok(())
@@ -206,11 +243,18 @@ impl Run<'_> {
             .collect();
         balls.dedup();
         balls.retain(|&i| self.events.motions[i].turns.is_some());
+        self.set_off_again(&balls, t);
         for &i in &balls {
+            self.tell(t, None, i, None);
+        }
+    }
+
+    pub fn set_off_again(&mut self, balls: &[usize], t: f64) {
+        for &i in balls {
             self.bring(i, t);
             self.set_off_along(i, t);
         }
-        self.foresee(&balls, t);
+        self.foresee(balls, t);
     }
 
     /// A ball goes on along the surface that carries it.
@@ -222,29 +266,6 @@ impl Run<'_> {
         }
         self.events.queue.forget(i);
         self.set_off(i, t, on.map(|support| (support, 0.0)), turned);
-    }
-
-    /// A ball, which moved in some way, is in the box of an outlet.
-    pub fn leave(&mut self, i: usize, t: f64, mode: Mode) {
-        self.note(t, Kind::Outlet, i, None, [mode, Mode::Gone]);
-        let at = (self.state.step + 1, self.span.start + t);
-        take_out(self.model, self.state, i, at, &mut self.scratch.left);
-        self.events.queue.forget(i);
-        self.set_off(i, t, None, false);
-    }
-
-    /// A row of the table of transitions.
-    pub fn note(&mut self, t: f64, kind: Kind, i: usize, other: Option<u32>, modes: [Mode; 2]) {
-        self.scratch.transitions.push(Transition {
-            step: self.state.step + 1,
-            time: self.span.start + t,
-            kind,
-            body: i as u32,
-            other,
-            modes,
-            position: self.state.position[i],
-            velocity: self.state.velocity[i],
-        });
     }
 
     /// Balls in a new state set off, and what will happen to them is foreseen anew.

@@ -105,8 +105,7 @@ def _legs(block: Block, tally: Tally, r: Knots, calm: Bool) -> tuple[F64, F64]:
     place = _of(block, k, body)
     known = calm[k] & np.isfinite(slack)
     tally.measure("position", off, bound, place, known)
-    # At the end of a step what is rounding may end without a row.
-    follows = r.first | (r.step != r.step[before]) | (r.before == r.after[before])
+    follows = r.first | (r.before == r.after[before])
     for told, words in ((r.before, BEFORE), (r.after, AFTER)):
         wanted = np.full(len(Transitions.EVENTS), -1)
         for event, mode in words.items():
@@ -233,10 +232,11 @@ def _impacts(block: Block, tally: Tally, r: Knots, came: F64, slack: F64, calm: 
     places = np.full((many, 3), np.nan)
     places[of_knot] = r.x[here]
     _met(block, tally, h, time, places[of_end[: len(h)]], places[of_end[second]])
-    # What did it is one of those that the ball met then.
+    # What did it is one of those that the ball met then, unless that has no row.
     pairs = np.column_stack([number, np.concatenate([r.other[here], h.b, h.a[row[len(h) :]]])])
     pair = np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
-    tally.measure("counts", ~np.isin(pair[: len(here)], pair[len(here) :]), 0.0, place)
+    weak = (r.before[here] != r.after[here]) & (mass * norm(r.v[here] - came[here]) <= bound)
+    tally.measure("counts", ~(np.isin(pair[: len(here)], pair[len(here) :]) | weak), 0.0, place)
     left = np.sqrt(np.bincount(h.k, norm(h.impulse) ** 2, minlength=block.count))
     own = compliance(run, h.a, h.b)[0]
     bound = 2.0 * own * ((8.0 * block.tolerance * left)[h.k] + untold) + doubt[of_end[: len(h)]]

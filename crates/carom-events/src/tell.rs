@@ -1,0 +1,98 @@
+//! The table of transitions: each row begins with the mode in which the last one of its ball has ended.
+
+use crate::step::{Events, Run};
+use carom_core::flow::exchange::{is_out, take_out};
+use carom_core::transition::{Kind, Mode, Transition};
+
+impl Run<'_> {
+    /// Balls that are in the box of an outlet at a time, by the rule of every method, are taken out.
+    pub fn take_out_all(&mut self, t: f64) {
+        for i in 0..self.model.bodies() {
+            if is_out(self.model, self.state, i) {
+                self.leave(i, t);
+            }
+        }
+    }
+
+    pub fn leave(&mut self, i: usize, t: f64) {
+        self.note(t, Kind::Outlet, i, None, Mode::Gone);
+        let at = (self.state.step + 1, self.span.start + t);
+        take_out(self.model, self.state, i, at, &mut self.scratch.left);
+        self.events.queue.forget(i);
+        self.set_off(i, t, None, false);
+    }
+
+    /// What a step begins with: how balls move now is no news where no row was before.
+    pub fn tell_begin(&mut self) {
+        let Events {
+            motions,
+            told,
+            is_first,
+            ..
+        } = &mut *self.events;
+        if *is_first {
+            told.clear();
+            told.extend(motions.iter().map(|m| m.mode));
+        }
+        self.tell_all(0.0, false);
+    }
+
+    /// What the rows of the table of transitions do not say yet; `releases` what was stepped and presses nothing.
+    pub fn tell_all(&mut self, t: f64, releases: bool) {
+        let (present, told) = (self.present(), &self.events.told);
+        let (stepped, others): (Vec<_>, Vec<_>) =
+            (present.into_iter()).partition(|&i| told[i] == Mode::Stepped);
+        for i in others {
+            self.tell(t, None, i, None);
+        }
+        let presses = |i| {
+            let mut pairs = self.events.queue.pressing();
+            pairs.any(|(a, b)| a as usize == i || b as usize == i)
+        };
+        let free: Vec<_> = (stepped.into_iter())
+            .filter(|&i| releases && !presses(i))
+            .collect();
+        let is_late = |&i: &usize| self.events.motions[i].start < t;
+        self.set_off_again(&free.iter().copied().filter(is_late).collect::<Vec<_>>(), t);
+        for i in free {
+            let after = self.events.motions[i].mode;
+            self.note(t, Kind::Release, i, None, after);
+        }
+    }
+
+    /// What has set ball `i` off as it moves now: a row, if that is an event or its mode is another one. A ball that is stepped is so until it presses
+    /// nothing: forms that end there are rounding.
+    pub fn tell(&mut self, t: f64, kind: Option<Kind>, i: usize, other: Option<u32>) {
+        let (motion, before) = (&self.events.motions[i], self.events.told[i]);
+        let (after, other) = (motion.mode, other.or(motion.support.map(|s| s.wall)));
+        let mut rows = self.scratch.transitions.iter();
+        if kind.is_none()
+            && t == 0.0
+            && self.events.is_first
+            && rows.all(|row| row.body != i as u32)
+        {
+            // It began like this, but for what is too weak for a row of impacts.
+            self.events.told[i] = after;
+            return;
+        }
+        let kind = kind.or_else(|| Kind::of(before, after));
+        if let Some(kind) = kind.filter(|&kind| before != Mode::Stepped || kind == Kind::Impact) {
+            self.note(t, kind, i, other, after);
+        }
+    }
+
+    /// A row of the table of transitions.
+    pub fn note(&mut self, t: f64, kind: Kind, i: usize, other: Option<u32>, after: Mode) {
+        let before = std::mem::replace(&mut self.events.told[i], after);
+        self.scratch.transitions.push(Transition {
+            step: self.state.step + 1,
+            time: self.span.start + t,
+            kind,
+            body: i as u32,
+            other,
+            modes: [before, after],
+            position: self.state.position[i],
+            velocity: self.state.velocity[i],
+        });
+    }
+}
