@@ -194,3 +194,21 @@ class TestPeriodic:
         first, moved = self.gas(), self.gas(shift=(0.037, 0.071, 0))
         along = np.asarray(moved.position) - np.asarray(first.position)
         assert along == pytest.approx(np.broadcast_to([0.037, 0.071, 0], along.shape), abs=1e-9)
+
+
+def test_a_ball_in_several_outlets_is_told_once() -> None:
+    """And the other value of `inside` is advised only where it does not take all the other balls."""
+    scene = Scene("boxes", gravity=(0, 0, 0), run={"until": 0.01})
+    for k in range(3):
+        scene.sphere(f"b{k}", radius=0.01, mass=1, at=(k, 0, 0), material="sand")
+    scene.contact("sand", "sand", friction=0, restitution=0)
+    for low in (1.5, 1.6, 0.5):
+        scene.outlet(low=(low, -1, -1), high=(9, 1, 1))
+
+    def told() -> list[str]:
+        return [str(warning) for warning in scene.validate() if "at once" in str(warning)]
+
+    assert [[name in text for name in ("b1", "b2")] for text in told()] == [[False, True], [True, False]]
+    assert not any("inside" in text for text in told())
+    scene.outlet(low=(-9, -1, -1), high=(9, 1, 1))
+    assert ["inside" in text for text in told()] == [False, False, True]

@@ -132,14 +132,17 @@ def advise_flow(parts: Whole) -> Iterator[Finding]:
         if segment.section == "clump":  # of which one ball that is held holds all
             bound[segment.start : segment.stop] = bound[segment.start : segment.stop].any()
     free = there & ~bound
+    told = np.zeros_like(free)
     for i, outlet in parts.tables(Outlet):
-        gone = np.flatnonzero(free & (_within(parts, outlet, places) == outlet.inside))
-        cure = "move the balls or the outlet, or write the other value of inside"
-        if len(gone) and len(gone) == there.sum():
+        leaves = free & (_within(parts, outlet, places) == outlet.inside)
+        gone = np.flatnonzero(leaves & ~told)
+        told |= leaves
+        if len(gone) and leaves.sum() == there.sum():
             cause = "all balls that are there at the start leave at once: they start where it removes them"
+            cure = "move the balls or the outlet, or write the other value of inside"
             yield Finding(("outlet", i), cause, cure)
-        elif len(gone):
+        elif len(gone):  # the other value would take the rest
             name = quoted(names[gone[0]])
             others = f", like {counted(len(gone) - 1, 'other')}" if len(gone) > 1 else ""
             cause = f"{name} leaves at once: it starts where balls are removed{others}"
-            yield Finding(("outlet", i), cause, cure)
+            yield Finding(("outlet", i), cause, "move the balls or the outlet")
