@@ -204,6 +204,26 @@ def test_a_ball_that_is_aimed_at_a_pocket_goes_there(pocket: str | tuple[float, 
     assert ("object", wanted) in [(p.ball, p.pocket) for p in t.pocketed(result)]
 
 
+@pytest.mark.parametrize("radius", [0.02, 0.0286, 0.035])
+@pytest.mark.parametrize("cut", [-30, 60])
+def test_balls_of_unlike_radius_are_aimed_at_where_they_meet(radius: float, cut: int) -> None:
+    """On the bed 2 sqrt(r1 r2) apart. Without friction the object ball leaves on the line of centres, exactly."""
+    t = table("9ft")
+    smooth = replace(
+        LAWS, ball_friction=0.0, cloth_friction=0.0, rolling_deceleration=0.0, spin_deceleration=0.0
+    )
+    scene = t.scene(laws=smooth, until=0.4)
+    cue, ball = t.cue_ball(scene, (0.8, 0.6), radius=radius), t.ball(scene, "object", (1.2, 0.6))
+    direction = t.aim(cue, ball, cut=f"{cut} deg")
+    cue.velocity = (2 * math.cos(direction), 2 * math.sin(direction), 0.0)
+    out = carom.simulate(scene)["object"].velocity[-1]
+    assert math.degrees(math.atan2(out[1], out[0]) - direction) == pytest.approx(cut, abs=1e-9)
+    x = 0.8 + 2 * math.sqrt(radius * t.spec.ball_radius) + 1e-6
+    assert t.aim(cue, t.ball(scene, "near", (x, 0.6)), cut=0.0) == 0.0
+    with pytest.raises(CaromError, match="'cue' passes below 'high'; they meet"):
+        t.aim(cue, t.ball(scene, "high", (0.82, 0.6, 0.2)), cut=0.0)
+
+
 def test_wrong_aims_are_told() -> None:
     t = table("9ft")
     scene = t.scene()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import math
 import socket
 import struct
 import time
@@ -100,6 +101,19 @@ def test_a_ball_can_be_moved_until_it_touches_another() -> None:
         )
         assert game.shoot(Aim(direction=angle + np.pi, speed=0.3)).shot.first == "1"
         game.undo()
+
+
+def test_a_small_ball_lies_where_it_touches_a_large_one() -> None:
+    """On the bed centres are 2 sqrt(r1 r2) apart in the plane."""
+    t = billiards.table("9ft")
+    scene = t.scene(until=1.0)
+    t.cue_ball(scene, at=(0.6, 0.6))
+    t.ball(scene, "1", at=(1.2, 0.6), radius=0.02)
+    apart = 2 * math.sqrt(0.02 * t.spec.ball_radius)
+    game = Game(scene)
+    game.place("1", (0.6 + apart + 1e-6, 0.6))
+    with pytest.raises(CaromError, match="1 would overlap cue"):
+        game.place("1", (0.6 + apart - 1e-6, 0.6))
 
 
 @pytest.mark.parametrize(

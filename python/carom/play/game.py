@@ -214,9 +214,10 @@ class Game:
         ball = self.ball(name)
         if not all(map(is_finite, at)):
             raise CaromError(f"play: a place is two finite numbers, found {at!r}")
-        check_place(self.table, name, (*at, ball.radius), ball.radius)
+        place = (*at, ball.radius)
+        check_place(self.table, name, place, ball.radius)
         for other in self.scene.spheres:
-            if other is not ball and overlap(at, ball.radius, other.position[:2], other.radius):
+            if other is not ball and overlap(place, ball.radius, other.position, other.radius):
                 raise CaromError(f"{name} would overlap {other.name} there")
         self._past.append((self.scene, None))
         self.last = None
@@ -247,12 +248,12 @@ class Game:
         """The place nearest to the head spot, on the line across the table, that no ball covers."""
         cue = self.ball(CUE)
         x, middle = self.table.spots["head spot"]
-        others = [(b.position[:2], b.radius) for b in self.scene.spheres if b is not cue]
+        others = [b for b in self.scene.spheres if b is not cue]
         half = int(0.5 * self.table.spec.width / cue.radius) - 2
         for k in sorted(range(-half, half + 1), key=abs):
-            at = (x, middle + k * cue.radius)
-            if all(math.dist(at, place) > cue.radius + radius for place, radius in others):
-                return at
+            at = (x, middle + k * cue.radius, cue.radius)
+            if not any(overlap(at, cue.radius, b.position, b.radius) for b in others):
+                return at[:2]
         raise CaromError("play: the balls leave no place for the cue ball; undo, or move one of them")
 
 

@@ -1,8 +1,9 @@
 """The direction of a cue ball that is to send another ball where the player wants it: by the ghost ball.
 
-At the hit the centre of the cue ball is one sum of the radii behind the object ball, on the line on which that ball is to
-leave. Without friction between the balls it leaves on their line of centres. Friction throws it off that line, by up to 5
-degrees; cushions and other balls in the way are not looked at.
+At the hit the centres are one sum of the radii apart, and as high as they are now. In the plane that of the cue ball is the
+rest of this behind the object ball, on the line on which that ball is to leave. Without friction between the balls it leaves
+on their line of centres. Friction throws it off that line, by up to 5 degrees; cushions and other balls in the way are not
+looked at.
 """
 
 from __future__ import annotations
@@ -47,8 +48,15 @@ def direction_of_cut(cue: Sphere, ball: Sphere, cut: float | str) -> float:
 
 
 def _places(cue: Sphere, ball: Sphere) -> tuple[tuple[Place, Place], float]:
-    """Both centres (x, y) and how far apart they are at the hit, m: the sum of the radii, or less where balls touch."""
-    cue_at, ball_at = ((float(b.position[0]), float(b.position[1])) for b in (cue, ball))
-    if overlap(cue_at, cue.radius, ball_at, ball.radius):
+    """Both centres (x, y) and how far apart they are there at the hit, m, or less where balls touch."""
+    if overlap(cue.position, cue.radius, ball.position, ball.radius):
         raise CaromError(f"aim: {cue.name!r} and {ball.name!r} overlap")
-    return (cue_at, ball_at), min(cue.radius + ball.radius, math.dist(cue_at, ball_at))
+    (*cue_at, cue_z), (*ball_at, ball_z) = (map(float, b.position) for b in (cue, ball))
+    whole, rise = cue.radius + ball.radius, cue_z - ball_z
+    reach = min(math.sqrt(max(0.0, (whole - rise) * (whole + rise))), math.dist(cue_at, ball_at))
+    if not reach > 0:
+        raise CaromError(
+            f"aim: {cue.name!r} passes {'above' if rise > 0 else 'below'} {ball.name!r};"
+            f" they meet where their centres are less than {whole:g} m apart in height, found {abs(rise):g} m"
+        )
+    return ((cue_at[0], cue_at[1]), (ball_at[0], ball_at[1])), reach
