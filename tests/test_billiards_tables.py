@@ -248,6 +248,40 @@ def test_a_ball_in_the_air_and_one_of_another_size_are_where_they_are_put() -> N
     assert t.ball(scene, "small", (1.5, 0.5), radius="26.25 mm").position == (1.5, 0.5, 0.02625)
 
 
+def test_a_ball_is_put_at_one_place() -> None:
+    t = table("9ft")
+    with pytest.raises(CaromError, match="'1': both position and at are given"):
+        t.ball(t.scene(until=1.0), "1", at=(1.2, 0.5), position=(9, 9, 9))
+
+
+@pytest.mark.parametrize("every", [1, 20])
+@pytest.mark.parametrize("speed", [3.0, 3.000001])
+def test_pockets_do_not_depend_on_frames(every: int, speed: float) -> None:
+    """At 3 m/s the ball comes to the outlet at the end of the fifth step."""
+    t = table("9ft")
+    scene = t.scene(until=1.0)
+    t.ball(scene, "b", at=(1.27, 0.15, 0.09), velocity=(0.0, -speed, 0.0))
+    result = carom.simulate(scene, every=every)
+    assert result.transitions["event"].tolist() == ["outlet"]
+    assert [p.pocket for p in t.pocketed(result)] == ["side right"]
+
+
+@pytest.mark.parametrize("inwards", [1, -1])
+@pytest.mark.parametrize("pocket", ["side", "head"])
+def test_a_ball_that_flies_over_the_rail_is_pocketed_between_the_points_alone(
+    pocket: str, inwards: int
+) -> None:
+    """2 mm to either side of the end of a nose."""
+    t = table("9ft")
+    s = t.spec
+    point = 0.5 * (s.length - s.side_mouth) if pocket == "side" else s.corner_mouth / math.sqrt(2)
+    inside = inwards if pocket == "side" else -inwards
+    scene = t.scene(until=0.2)
+    t.ball(scene, "b", at=(point + 2e-3 * inside, 0.15, 0.078), velocity=(0.0, -3.0, 0.0))
+    found = [p.pocket for p in t.pocketed(carom.simulate(scene))]
+    assert found == [f"{pocket} right" if inwards > 0 else "off the table"]
+
+
 @pytest.mark.parametrize("at", [(1.27, -0.004), (0.03, 0.03), (1.27, 1.273)])
 def test_a_ball_may_hang_over_a_pocket(at: tuple[float, float]) -> None:
     t = table("9ft")

@@ -136,6 +136,8 @@ class Table:
         Coordinates are numbers in m or texts with a unit. A ball in the air is at (x, y, z), z the height of its centre.
         """
         same_table("ball", f"the scene of {name!r}", self.spec, scene)
+        if "position" in keys:
+            raise CaromError(f"ball: {name!r}: both position and at are given; give at, they mean the same")
         if isinstance(at, str):
             if at not in self.spots:
                 raise CaromError(f"ball: no spot is called {at!r}; {did_you_mean(at, list(self.spots))}")
@@ -299,10 +301,15 @@ class Table:
     def _where(self, x: Any) -> str:
         if not self.has_pockets:
             return OFF
+        s = self.spec
         name = min(self.pockets, key=lambda name: math.dist(self.pockets[name], x[:2]))
-        near = math.dist(self.pockets[name], x[:2]) < self.spec.corner_mouth
-        # A ball may hop into a pocket, but not from higher than itself.
-        return name if near and x[2] < 3 * self.spec.ball_radius else OFF
+        if name.startswith("side"):
+            within = abs(x[0] - 0.5 * s.length) < 0.5 * s.side_mouth
+        else:
+            along = (min(at, size - at) for at, size in zip(x[:2], (s.length, s.width), strict=True))
+            within = max(along) < s.corner_mouth / math.sqrt(2)
+        # Between the points of its noses a ball may hop into a pocket, but not from higher than itself.
+        return name if within and x[2] < 3 * s.ball_radius else OFF
 
     def __repr__(self) -> str:
         s = self.spec
