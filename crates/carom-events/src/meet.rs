@@ -6,7 +6,7 @@
 //! A wall has features: faces, edges, corners, rims. Each is looked at as if it had no end; whether the wall itself is there is asked of
 //! the geometry that the step uses.
 
-use crate::roots::{deflated, falls, value};
+use crate::roots::{deflated, falls, first_fall, shifted, value};
 use carom_geom::{Disc, Proximity, Rectangle, Shape};
 use glam::DVec3;
 
@@ -71,6 +71,15 @@ pub enum Meeting {
 }
 
 impl Meeting {
+    /// Of what begins after `start` seconds.
+    fn after(self, start: f64) -> Meeting {
+        match self {
+            Meeting::At(t) => Meeting::At(start + t),
+            Meeting::Closer(t) => Meeting::Closer(start + t),
+            other => other,
+        }
+    }
+
     /// The earlier one.
     fn or(self, other: Meeting) -> Meeting {
         match (self, other) {
@@ -373,8 +382,33 @@ impl Look<'_> {
         }
     }
 
-    /// A circle: with `s = |x|^2 + size^2 - r^2` and `p` the place in its plane, `s^2 = 4 size^2 |p|^2` where the ball touches it.
+    /// A circle, while the ball is about it: of a polynomial of eighth degree over a long flight rounding is more than what closes.
     fn rim(&mut self, centre: DVec3, normal: DVec3, size: f64) {
+        let near = distance_gap(&self.from(centre), 2.0 * (self.r + size), 1.0, self.off);
+        let is_near = (near[0] <= 0.0).then_some(0.0);
+        for start in is_near.into_iter().chain(falls(near, self.end)) {
+            if self.end < start {
+                return;
+            }
+            let mut away = shifted(near, start).map(|c| -c);
+            away[0] = away[0].max(0.0);
+            let rest = self.end - start;
+            let [x, v, a] = *self.course;
+            let mut stay = Look {
+                course: &[x + start * (v + start * a), v + 2.0 * start * a, a],
+                off: &shifted(*self.off, start),
+                end: first_fall(&away, rest).unwrap_or(rest),
+                touches: self.touches && start == 0.0,
+                found: Meeting::Never,
+                ..*self
+            };
+            stay.circle(centre, normal, size);
+            self.takes(stay.found.after(start));
+        }
+    }
+
+    /// With `s = |x|^2 + size^2 - r^2` and `p` the place in its plane, `s^2 = 4 size^2 |p|^2` where the ball touches it.
+    fn circle(&mut self, centre: DVec3, normal: DVec3, size: f64) {
         let mut s = square(&self.from(centre));
         let q = square(&self.across(centre, normal));
         s[0] += size * size - self.r * self.r;
@@ -383,8 +417,8 @@ impl Look<'_> {
         for (s, more) in s.iter_mut().zip(more) {
             *s -= more;
         }
-        // Over `2 r` times what the farthest point of the circle has, it is the gap of the nearest one.
-        let farthest = s[0] + 2.0 * size * q[0].sqrt();
+        // Over `2 r` times what the farthest point of the circle has, which is less than this where they touch, it is the gap of the nearest one.
+        let farthest = (s[0] + 2.0 * size * q[0].sqrt()).min(4.0 * size * (size + self.r));
         let scale = 0.5 / (self.r * farthest.max(MIDDLE * size * size));
         let mut f = [0.0; 13];
         for (i, a) in s.iter().enumerate() {
@@ -418,6 +452,10 @@ impl Look<'_> {
             Meeting::At(t) if t > 0.0 => Meeting::At(self.polished(t)),
             other => other,
         };
+        self.takes(meeting);
+    }
+
+    fn takes(&mut self, meeting: Meeting) {
         self.found = self.found.or(meeting);
         match self.found {
             Meeting::Never => {}

@@ -140,3 +140,31 @@ fn a_ball_does_not_fall_through_a_hole_smaller_than_itself() {
         );
     }
 }
+
+/// However far it comes from, a ball meets the rim of a disc smaller than itself, or of a hole, where its nearest point is.
+#[test]
+fn rims_are_met_at_the_end_of_long_flights() {
+    for (radius, hole, beside, to_rim) in [(0.5, 0.0, 1.2, 0.7), (10.0, 0.6, 0.3, 0.3)] {
+        for away in [5.0, 50.0, 500.0, 5000.0, 50_000.0] {
+            let wall = Disc {
+                centre: DVec3::ZERO,
+                normal: DVec3::Z,
+                radius: radius * R,
+                hole: hole * R,
+            };
+            let mut input = balls(&[[beside * R, 0.0, away * R]], &[]);
+            input.gravity = [0.0; 3];
+            input.laws = vec![(0, 1, [0.0, 1.0, 0.0, 0.0, 0.0])];
+            input.walls = vec![(Shape::Disc(wall), 1)];
+            input.velocity[0] = [0.0, 0.0, -2.0 * away * R];
+            let time = 0.5 * (1.0 - f64::sqrt(1.0 - to_rim * to_rim) / away);
+            let mut s = begin(&input, options(1.0));
+            assert!(advance(&mut s, 1).is_none());
+            let found = s.take_block().impacts[0].time;
+            assert!(
+                (found - time).abs() < 1e-12,
+                "{radius} {away}: {found} {time}"
+            );
+        }
+    }
+}
