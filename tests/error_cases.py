@@ -493,6 +493,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
             + "point = [0,0,-9]\naxis = [0,0,1]\nradius = 0\nradius_end = 20\nlength = 20\ninside = true\n",
         )
     ],
+    "balls of radius ... m do not pass the hole of ...: one near its axis gains energy, falls through or stops the run": [
+        ("hole", PLANE + "radius = 1.0\nhole = 0.001\n")
+    ],
     "... are given without ...": [("mesh", WALL.format("mesh") + f"vertices = {CORNERS}\n")],
     "expected rows of three ...": [
         ("mesh", WALL.format("mesh") + "vertices = [[0, 1]]\ntriangles = [[0, 1, 2]]\n")

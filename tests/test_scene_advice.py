@@ -34,6 +34,13 @@ def test_falls_are_foreseen() -> None:
     assert drop(height=5.0, method="penalty").validate() == []
 
 
+@pytest.mark.parametrize(("hole", "told"), [(0.0099, True), (0.01, False), (None, False)])
+def test_holes_that_a_ball_does_not_pass_are_named(hole: float | None, told: bool) -> None:
+    scene = drop(height=1.0)
+    scene.plane("disc", point=(0, 0, 0.2), normal=(0, 0, 1), radius=0.1, hole=hole, material="m")
+    assert ["do not pass the hole" in advice.cause for advice in scene.validate()] == [True] * told
+
+
 @pytest.mark.parametrize("height", [0.6, 2.0, 5.0])
 @pytest.mark.parametrize("step", [0.02, 0.1])
 @pytest.mark.parametrize("balls", [1, 2])

@@ -117,7 +117,7 @@ fn walls_are_met_where_they_are() {
 
 /// A ball that falls along the axis of a hole smaller than itself meets all of its rim at once.
 #[test]
-fn a_ball_does_not_fall_through_a_hole_smaller_than_itself() {
+fn the_rim_of_a_hole_smaller_than_a_ball_is_met_on_its_axis() {
     let ring = Disc {
         centre: DVec3::ZERO,
         normal: DVec3::Z,

@@ -59,9 +59,23 @@ def _advise_narrow_cones(parts: Whole) -> Iterator[Finding]:
             )
 
 
+def _advise_holes(parts: Whole) -> Iterator[Finding]:
+    """The same of a hole that a ball does not pass: it would touch a whole ring, or two places of it at once."""
+    largest = float(parts.bodies().radius.max())
+    for wall in parts.walls():
+        if wall.shape[0] == "disc" and 0.0 < wall.shape[3] < largest:
+            yield Finding(
+                (wall.section, wall.index, "hole"),
+                f"balls of radius {largest:g} m do not pass the hole of {called(wall)}:"
+                " one near its axis gains energy, falls through or stops the run",
+                f"give {largest:g} m or more, or none; beside the hole the balls are right",
+            )
+
+
 def advise_walls(parts: Whole) -> Iterator[Finding]:
     """Laws of motion that break off or jump within the run, walls that are fast for the step, slip that does nothing."""
     yield from _advise_narrow_cones(parts)
+    yield from _advise_holes(parts)
     told: set[tuple[str, int]] = set()
     for wall in parts.walls():
         motion, place = wall.motion, (wall.section, wall.index)
