@@ -263,7 +263,9 @@ def test_no_tolerance_takes_what_closes_for_solved(solver: str, tol: float) -> N
     column = ContactProblem.from_matrices(chain, np.tile([-1.0, 0.0], n), np.zeros(n))
     found = column.solve(solver, tol=tol, on_nonconvergence="return")
     assert found.converged
-    assert found.residual.penetration < 4 * np.sqrt(tol)
+    closes = np.maximum(-found.u[::2], 0.0)  # at 1 m/s in each contact where nothing is held
+    assert np.sqrt(np.mean(closes**2)) <= np.sqrt(tol)
+    assert closes.max() < np.sqrt(2 * tol)  # a half sine along the column, which vanishes last
 
 
 def test_solvers_that_end_early_say_nothing_of_no_solution() -> None:
