@@ -345,6 +345,8 @@ def test_what_a_controller_gives_is_taken_as_numbers_and_the_rest_refused_by_nam
         if masked.size:
             with pytest.raises(carom.CaromError, match=f"^restore: {key} has masked numbers"):
                 sim.restore(state | {key: masked})
+            with pytest.raises(carom.CaromError, match=f"^restore: {key} has masked numbers"):
+                sim.restore(state | {key: [masked]})
     sim.restore(state | {"velocity": np.ma.array(struck)})  # nothing is masked
     np.testing.assert_array_equal(sim.velocity[0], struck[0])
 

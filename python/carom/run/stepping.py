@@ -97,6 +97,14 @@ def _rows(key: str, value: object, like: Array) -> Array:
     raise CaromError(f"restore: {key} must be an array of {like.dtype} ({wanted}), found {found}")
 
 
+def _masked(value: object) -> bool:
+    """Whether numbers are masked, also in a list of arrays."""
+    try:
+        return bool(np.ma.is_masked(np.ma.asarray(value)))
+    except ValueError:  # rows of unlike lengths, which `_rows` names
+        return False
+
+
 def _refuse_too_fast(key: str, motion: Array, unit: str) -> None:
     """Raise for what the next step would take for a motion that has left the numbers."""
     if _FASTEST < (fast := float(np.abs(motion).max(initial=0.0))) < np.inf:
@@ -237,7 +245,7 @@ class Simulation(State):
             cure = did_you_mean(unknown[0], list(self._known))
             raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
         kept = dict(state)
-        if masked := next((key for key, value in kept.items() if np.ma.is_masked(value)), None):
+        if masked := next((key for key, value in kept.items() if _masked(value)), None):
             raise CaromError(f"restore: {masked} has masked numbers, which are none; fill them")
         if "step" in kept:
             kept["step"] = _whole(kept["step"])
