@@ -137,6 +137,11 @@ def test_a_heap_of_few_layers_is_found_too_flat_and_says_so(packed: Packed) -> N
     ):
         found = granular.heap_angle(Snapshot(flat, np.full(len(flat), 0.003)))
     assert found.degrees < 10 - np.degrees(found.error)
+    with pytest.warns(CaromWarning, match=r"makes it about [12] degrees too flat; take more"):
+        granular.heap_angle(Snapshot(flat, np.full(len(flat), 0.003)), sectors=1)  # no error to compare with
+    lower = cut(packed, lambda d: math.tan(math.radians(5)) * (0.085 - d), 0.0)
+    with pytest.warns(CaromWarning, match=r"is 1\.\d mean .* makes it too low to tell its angle; take more"):
+        granular.heap_angle(Snapshot(lower, np.full(len(lower), 0.003)))
     steep = cut(packed, lambda d: math.tan(math.radians(26)) * (0.085 - d), 0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

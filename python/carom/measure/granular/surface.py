@@ -22,6 +22,7 @@ _APART = 0.1  # share of the balls that may be apart from a column
 _MOST_PAIRS = 500_000  # of the points of a surface
 _UPRIGHT = 0.7  # cosine between an axis and gravity from which it is vertical rather than horizontal
 _FLAT = 6.0  # an angle is too low by this over the fourth power of the height in diameters: cones of 5 to 25 degrees
+_LOW = 2.0  # height in diameters, below which that is a large part of the angle, or more than the whole
 _ROUNDS = 3  # of choosing the part of a planar slope from the line fitted before
 
 
@@ -137,10 +138,12 @@ def heap_angle(
     error = float(np.sqrt((n - 1) / n * ((angles - angles.mean()) ** 2).sum())) if n > 1 else float("nan")
     share = _FLAT / max(1.0, high) ** 4
     off = share * abs(float(np.arctan(slope)))
-    if share > 0.01 and off > 2.0 * error:
+    if share > 0.01 and not off <= 2.0 * error:  # also where no error is asked for
+        beyond = ", twice its error or more" if n > 1 else ""
+        much = f"about {np.degrees(off):.1g} degrees too flat{beyond}"
         warnings.warn(
             f"heap_angle: the heap is {high:.1f} mean diameters high, and the layer on the ground, which has no slope, makes"
-            f" it about {np.degrees(off):.1g} degrees too flat, twice its error or more; take more or smaller grains",
+            f" it {much if high >= _LOW else 'too low to tell its angle'}; take more or smaller grains",
             CaromWarning,
             stacklevel=2,
         )
