@@ -2,6 +2,7 @@
 
 A directory may come from others, with links and FIFOs where files of Carom are expected. All that is written or removed
 in one goes through `inside` (folders of it) and `opened` (files of it), so nothing outside of it changes and nothing hangs.
+A file that the caller names goes through `write_named`: where the name is a link or a FIFO, that is what was meant.
 """
 
 from __future__ import annotations
@@ -114,10 +115,14 @@ def lock(file: IO[Any], *, shared: bool = False) -> bool:
     return True
 
 
-def write_new(path: Path, data: bytes | memoryview, *, durable: bool = False) -> None:
+def write_new(
+    path: Path, data: bytes | memoryview, *, durable: bool = False, mode: int | None = None
+) -> None:
     """Write a file that nobody else has: what lies there under its name is removed first, be it a link."""
     path.unlink(missing_ok=True)
     with opened(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, "wb") as file:
+        if mode is not None:
+            path.chmod(mode)
         file.write(data)
         if durable:
             file.flush()
@@ -125,7 +130,7 @@ def write_new(path: Path, data: bytes | memoryview, *, durable: bool = False) ->
 
 
 def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents: bool = False) -> None:
-    """Replace a file by another in one move: readers see the old or the new one, never half of it.
+    """Replace a file by another of its mode in one move: readers see the old or the new one, never half of it.
 
     With `parents` the directory is made if it is not there.
     """
@@ -135,13 +140,30 @@ def write_whole(path: Path, data: bytes | memoryview, *, durable: bool, parents:
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
-        write_new(temporary, data, durable=durable)
+        old = path.lstat().st_mode if path.is_file() else 0
+        write_new(temporary, data, durable=durable, mode=old & 0o777 if stat.S_ISREG(old) else None)
         os.replace(temporary, path)
         if durable:
             _sync_directory(path.parent)
     except OSError as error:
         with suppress(OSError):
             temporary.unlink()
+        raise RecordError(f"cannot write {path}: {unwritable(error)}") from error
+
+
+def write_named(path: Path, data: bytes | memoryview) -> None:
+    """Write a file that the caller names, whole or not at all: of a link that to which it leads, which may not be there yet.
+
+    What is there and no file, as a FIFO or `/dev/stdout`, is written to and stays. Missing directories are made.
+    """
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            with path.open("wb") as file:
+                file.write(data)
+        else:
+            target = Path(os.path.realpath(path)) if path.is_symlink() else path
+            write_whole(target, data, durable=False, parents=True)
+    except OSError as error:
         raise RecordError(f"cannot write {path}: {unwritable(error)}") from error
 
 
@@ -193,7 +215,7 @@ def unwritable(error: BaseException) -> str:
 def _known(error: BaseException) -> tuple[str, str]:
     text = str(error)
     number = getattr(error, "errno", None)
-    elsewhere = "write elsewhere with -o"
+    elsewhere = "write elsewhere"
     for code, cause, cure in (
         (errno.ENOSPC, "no space left on the disk", f"free some, or {elsewhere}"),
         (errno.EDQUOT, "the disk quota is used up", f"free some, or {elsewhere}"),

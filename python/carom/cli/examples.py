@@ -11,7 +11,7 @@ import typer
 from carom.cli.options import Command, Json, option
 from carom.cli.output import emit, guarded
 from carom.errors import CaromError
-from carom.files import write_whole
+from carom.files import write_named
 from carom.scene.shipped import find as find
 
 examples = typer.Typer(no_args_is_help=True, help="List and copy the scenarios that come with Carom.")
@@ -61,11 +61,9 @@ def copy(
     if target.exists() and not force:
         raise CaromError(f"{target} exists already; give --force to replace it, or another name")
     try:
-        write_whole(target, source.read_bytes(), durable=False, parents=True)
+        write_named(target, source.read_bytes())
     except CaromError as error:
-        raise CaromError(
-            str(error).replace("write elsewhere with -o", f"give another place after {name}")
-        ) from None
+        raise CaromError(str(error).replace("write elsewhere", f"give another place after {name}")) from None
     if as_json:
         emit({"file": str(target)})
     else:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
 from carom.errors import CaromError, Problem, ScenarioError, counted, quoted
-from carom.files import reason, write_whole
+from carom.files import reason, write_named
 from carom.scene.arguments import explained, renamed, wording
 from carom.scene.assembly.arrays import resolved_tree, to_arrays, walls, with_packings_expanded
 from carom.scene.assembly.mechanics import MECHANICS
@@ -147,7 +147,9 @@ class Scene(Waller, Attacher, Taker, Deformer):
         )
         if path is not None:
             try:
-                write_whole(Path(path), text.encode(), durable=False, parents=True)
+                write_named(Path(path), text.encode())
+            except CaromError:
+                raise
             except ValueError as error:  # a null byte in the name, half a character in a text
                 raise CaromError(f"cannot write {path}: {reason(error)}") from error
         return text
