@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from carom import CaromError, events
 from carom.result.record import Column
+from carom.run import watch
 
 R, G, MU = 0.028575, 9.8, 0.2
 pytestmark = pytest.mark.filterwarnings("ignore::carom.CaromWarning")
@@ -200,6 +201,56 @@ def test_what_motions_and_forces_have_still_to_do_is_waited_for() -> None:
     turning = lying()
     turning.plane("f", **LEVEL, motion={"rotation": {"axis": (0, 0, 1), "rate": 1e-4}})
     assert ended(turning) == pytest.approx(0.051)
+
+
+@pytest.mark.parametrize(
+    ("begin", "gate", "push"), [(7.0, 0.051, 0.051), (5.0, 0.051, 0.051), (4.9, 4.951, 5.0)]
+)
+def test_what_begins_after_the_end_of_a_run_is_not_waited_for(begin: float, gate: float, push: float) -> None:
+    """The run ends at 5 s. A wall goes at once, and a push that begins before the end is not over there."""
+    gated, pushed = lying(), lying()
+    gated.plane("f", **LEVEL)
+    wall = {"point": (1, 0, 0), "normal": (-1, 0, 0), "material": "g", "motion": {"until": begin}}
+    gated.plane("gate", **wall)
+    pushed.plane("f", **LEVEL)
+    pushed.load("ball", force=({"table": [[0, 0], [begin, 0], [9, 1e-9]]}, 0, 0))
+    for scene, end in ((gated, gate), (pushed, push)):
+        result = carom.simulate(scene, stop=events.AtRest(hold=0.05), callback_every=1, every=1000)
+        assert result.outcome.time == pytest.approx(end, abs=2e-3)
+
+
+def test_what_a_run_waits_for_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each look went through all rows of all tables, and fetched the whole state where there is an inflow."""
+    scene = lying()
+    scene.plane("f", **LEVEL)
+    scene.load("ball", force=({"table": [[k * 1e-3, 1e-9 * (k % 2)] for k in range(3000)]}, 0, 0))
+    region = {"low": (-0.1, -0.05, 0.01), "high": (-0.05, 0.05, 0.02)}
+    scene.inflow("a", material="g", count=3, density=2500, region=region, seed=1, rate=10, radius=3e-3)
+    walked, due = [], []
+    walk = watch._changes
+    monkeypatch.setattr(watch, "_changes", lambda part: walked.append(0) or walk(part))
+
+    def look(view: carom.View) -> None:
+        fetched = view._fetch_allowed().state()["entered"]
+        np.testing.assert_array_equal(view.due, [False] + [k >= fetched[0] for k in range(3)])
+        due.append(int(view.due.sum()))
+        assert view.last_change == pytest.approx(0.4)
+        view.due[:] = True  # a copy
+
+    carom.simulate(scene, until=0.4, callback=look, callback_every=1)
+    assert len(due) == 400
+    assert sorted(set(due)) == [0, 1, 2]
+    assert 0 < len(walked) < 400
+
+    stepped, states = carom.Simulation(scene), []
+    for steps, due_then in ((1, 2), (150, 1)):
+        stepped.step(steps)
+        assert stepped.due.sum() == due_then
+        states.append((stepped.state(), due_then))
+    for state, due_then in (*states, *states):
+        stepped.restore(state)
+        assert stepped.due.sum() == due_then
+    assert stepped.last_change == 2.999  # without an end
 
 
 def test_at_rest_can_ignore_a_ball_that_spins_on_the_spot() -> None:

@@ -219,8 +219,9 @@ class AtRest:
 
     That is every ball that is there and every free wall, and nothing may be due: no ball of an inflow, no wall with an
     `until`, no table of the time of a motion, a joint or a force that still changes. What such a table or `until` does later
-    would end the rest. A wall whose motion has no end, as a drum with a `rate` or a formula, does not count: balls are at
-    rest in it where they are. With names of balls, one or several, only these are asked, and whether they have entered.
+    would end the rest; after the end of the run there is no later. A wall whose motion has no end, as a drum with a `rate`
+    or a formula, does not count: balls are at rest in it where they are. Nor does a `load_function`, which may do anything.
+    With names of balls, one or several, only these are asked, and whether they have entered.
 
     Still is |v| and r |w| below `speed`, m/s. A ball at the top of its way is no slower than that for 2 speed/g, 0.2 ms:
     that is what `hold` is for. With `ignore_spin` the spin about z does not count: a ball on a horizontal bed may turn on

@@ -24,7 +24,7 @@ from carom.run.placed import Placement
 from carom.run.result import Result
 from carom.run.simulate import RunFailed, scene_of
 from carom.run.sinks import Interrupt, Recorder
-from carom.run.watch import State
+from carom.run.watch import State, Watched
 from carom.scene.assembly.arrays import identify
 from carom.scene.checks.areas import first_area_to_go
 from carom.scene.plan import MOST_STEPS
@@ -158,12 +158,13 @@ class Simulation(State):
         # The sums since the last frame, as they are where a record begins.
         self._sums = {key: start[key] for key in start if key.startswith("open_")}
         self._placement: Placement | None = None  # made when a state is restored, if ever
-        super().__init__(self._core, scene.names, self._run.model)
+        super().__init__(self._core, Watched(scene.names, self._run.model))
         self._begin()
 
     def _begin(self) -> None:
         """A new record, from the state as it stands."""
         self._frame = self._block = None
+        self._watched = Watched(self.names, self._run.model)
         self._segment, self._ending = {"from_step": self.steps, "started": now()}, Ending({"kind": "done"})
         self._memory = Memory(**self._run.described())
         self._recorder = Recorder(self._memory, self._run.plan, len(self.names))

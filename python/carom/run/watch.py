@@ -8,8 +8,10 @@ bits of one without.
 from __future__ import annotations
 
 import contextlib
+import functools
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -32,13 +34,50 @@ if TYPE_CHECKING:
 _DRIVEN = ("wall_motion", "free_walls", "joints", "loads", "deformation")
 
 
-def _last_change(part: object) -> float:
-    """Of a part of a model: the end of the last `until` or table in it, s; 0 of what has none."""
+def _changes(part: object) -> Iterator[tuple[float, float]]:
+    """When what is in a part of a model changes by an `until` or a table: from when to when, s."""
     if isinstance(part, Mapping):
-        return max([float(part.get("until", 0.0)), *map(_last_change, part.values())])
+        if "until" in part:
+            yield float(part["until"]), float(part["until"])
+        part = tuple(part.values())
     if isinstance(part, tuple) and len(part) == 2 and part[0] == "table":
-        return max((b[0] for a, b in itertools.pairwise(part[1]) if a[1] != b[1]), default=0.0)
-    return max(map(_last_change, part), default=0.0) if isinstance(part, list | tuple) else 0.0
+        yield from ((a[0], b[0]) for a, b in itertools.pairwise(part[1]) if a[1] != b[1])
+    elif isinstance(part, list | tuple):
+        yield from itertools.chain.from_iterable(map(_changes, part))
+
+
+class Watched:
+    """What the views of a run look at: what is asked at every look, and seldom changes, is found once."""
+
+    def __init__(self, names: Sequence[str], model: Any, until: float = math.inf) -> None:
+        self.names, self.model, self.until = names, model, until
+        self._entered, self._due = -1, np.zeros(0, dtype=bool)
+
+    @functools.cached_property
+    def last_change(self) -> float:
+        """Where the last change that begins before the end of the run is over, s; 0 where there is none."""
+        changes = itertools.chain.from_iterable(_changes(self.model.get(key, ())) for key in _DRIVEN)
+        return max((end for begin, end in changes if begin < self.until), default=0.0)
+
+    def due(self, simulation: Core) -> Bool:
+        """Which balls have still to enter; that changes only when one enters."""
+        flows = self.model.get("inflow", ())
+        entered = simulation.monitors()["entered"] if flows else 0
+        if entered != self._entered:
+            self._due = self._still_due(simulation.state()["entered"] if flows else (), flows)
+            self._entered = entered
+        return self._due.copy()
+
+    def _still_due(self, done: Iterable[int], flows: Any) -> Bool:
+        count = len(self.names)
+        due, clumps = np.zeros(count, dtype=bool), [clump["balls"] for clump in self.model.get("clumps", ())]
+        for flow, entered in zip(flows, done, strict=True):
+            first, many = flow["bodies"]
+            if entered < many:  # clumps are bodies behind the balls
+                ends = (int(first + entered), first + many - 1)
+                (low, _), (_, high) = ((k, k + 1) if k < count else clumps[k - count] for k in ends)
+                due[low:high] = True
+        return due
 
 
 class State(Motion[Array]):
@@ -47,14 +86,12 @@ class State(Motion[Array]):
     Only what is asked for is fetched from the core.
     """
 
-    def __init__(
-        self, simulation: Core, names: Sequence[str], model: Any, block: Block | None = None
-    ) -> None:
+    def __init__(self, simulation: Core, watched: Watched, block: Block | None = None) -> None:
         self._simulation: Core | None = simulation
-        self._model = model
+        self._watched, self._model = watched, watched.model
         self._block = block
         self._frame: dict[str, F64] | None = None
-        self.names = names
+        self.names = watched.names
         """Names of the balls."""
 
     @property
@@ -79,24 +116,16 @@ class State(Motion[Array]):
     @property
     def due(self) -> Bool:
         """Which balls an inflow has still to let in, (N,)."""
-        count, flows = len(self.names), self._model.get("inflow", ())
-        due, clumps = np.zeros(count, dtype=bool), [clump["balls"] for clump in self._model.get("clumps", ())]
-        done = self._fetch_allowed().state()["entered"] if flows else ()
-        for flow, entered in zip(flows, done, strict=True):
-            first, many = flow["bodies"]
-            if entered < many:  # clumps are bodies behind the balls
-                ends = (int(first + entered), first + many - 1)
-                (low, _), (_, high) = ((k, k + 1) if k < count else clumps[k - count] for k in ends)
-                due[low:high] = True
-        return due
+        return self._watched.due(self._fetch_allowed())
 
     @property
     def last_change(self) -> float:
         """When the last table of the time, of motions, joints and forces, and the last `until` of a wall is over, s.
 
-        Motions and forces that are formulas go on for ever, and are not asked.
+        What begins after the end of the run does not count. Formulas go on for ever, and are not asked, nor are Python
+        functions.
         """
-        return max(_last_change(self._model.get(key, ())) for key in _DRIVEN)
+        return self._watched.last_change
 
     @property
     def radius(self) -> F64:
@@ -170,10 +199,8 @@ class View(State):
     After the call a view is closed, and asking it raises `CaromError`; arrays that were fetched before keep their values.
     """
 
-    def __init__(
-        self, simulation: Core, names: Sequence[str], model: Any, block: Block | None = None
-    ) -> None:
-        super().__init__(simulation, names, model, block)
+    def __init__(self, simulation: Core, watched: Watched, block: Block | None = None) -> None:
+        super().__init__(simulation, watched, block)
         self.step = int(simulation.step)
         """Number of steps made."""
 
@@ -226,9 +253,7 @@ class Watch(Sink):
         if every is not None and (not is_whole(every) or every < 1):
             raise CaromError(f"{caller}: callback_every must be a number of steps from 1 on, found {every!r}")
         self._callback, self._stop, self.every = callback, stop, every
-        self.names: Sequence[str] = ()
-        self.model: Any = {}
-        self._last = 0
+        self._watched, self._last = Watched((), {}), 0
         self.error: BaseException | None = None
 
     @classmethod
@@ -246,7 +271,7 @@ class Watch(Sink):
 
     def begin(self, names: Sequence[str], model: Any, plan: Plan) -> None:
         """The run that is watched; the plan's spacing of frames holds where no other was given."""
-        self.names, self.model, self._last = names, model, plan.steps
+        self._watched, self._last = Watched(names, model, plan.until), plan.steps
         self.every = self.every or plan.every or thinned(plan.steps)
 
     def next(self, step: int) -> float:
@@ -264,7 +289,7 @@ class Watch(Sink):
         here = {"step": simulation.step, "time": simulation.time}
         name = "callback"
         try:
-            with View(simulation, self.names, self.model, block) as view:
+            with View(simulation, self._watched, block) as view:
                 if self._callback is not None:
                     self._callback(view)
                 name = "stop"
