@@ -62,7 +62,10 @@ impl Foresight<'_> {
             Meeting::At(t) | Meeting::Closer(t) => t,
             Meeting::Pressed => 0.0,
         };
-        for (w, wall) in self.model.walls.iter().enumerate() {
+        // What stands meets nothing that stands, and asks no wall.
+        let moves = course[1] != DVec3::ZERO || course[2] != DVec3::ZERO;
+        let walls = if moves { &self.model.walls[..] } else { &[] };
+        for (w, wall) in walls.iter().enumerate() {
             let bodies = (i as u32, (n + w) as u32);
             let (met, what) = if m.support.is_some_and(|s| s.wall == bodies.1) {
                 let time = leaves(&wall.shape, &course, &off, left, &nothing);

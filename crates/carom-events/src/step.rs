@@ -90,7 +90,7 @@ impl Stepper for Events {
 
 /// Of a step: what presses already, until its end, and what is due there.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum Stage {
     Begin,
     Rest,
     End,
@@ -116,13 +116,13 @@ impl Run<'_> {
         let most = (MOST_EVENTS[0] + MOST_EVENTS[1] * h) as u32;
         let (mut events, mut last, mut shortest) = (0, 0.0, h);
         // What presses at once has pressed at the end of the step before. What is due at the end is of this step: roots are found short of it alone.
-        'parts: for part in [Part::Begin, Part::Rest, Part::End] {
+        'parts: for part in [Stage::Begin, Stage::Rest, Stage::End] {
             match part {
-                Part::Begin => self.tell_begin(),
-                Part::Rest => self.tell_all(last, true),
-                Part::End => self.foresee(&self.present(), h),
+                Stage::Begin => self.tell_begin(),
+                Stage::Rest => self.tell_all(last, true),
+                Stage::End => self.foresee(&self.present(), h),
             }
-            let until = if part == Part::Begin {
+            let until = if part == Stage::Begin {
                 FLIGHT.min(h)
             } else {
                 h
