@@ -104,8 +104,8 @@ def test_balls_that_press_one_another_are_stepped_and_said_so(tmp_path: Path) ->
         assert off < 1e-4, name
     carom.simulate(scene, until=0.15, out=tmp_path / "part")
     again = carom.resume(tmp_path / "part", until=2.0).transitions
-    for kind, found in (("press", press), ("release", release)):
-        assert again.where(again.event == kind).time.tolist() == found.time.tolist()
+    for column in rows.columns:
+        np.testing.assert_array_equal(again[column], rows[column], column)
 
 
 @pytest.mark.parametrize(("direction", "height"), [(1.0, 0.2), (2.0, 0.4), (3.0, 0.3)])

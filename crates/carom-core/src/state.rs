@@ -2,6 +2,7 @@
 
 use crate::contact::ContactKey;
 use crate::model::Model;
+use crate::transition::Mode;
 use glam::{DQuat, DVec3};
 
 /// Impulse of a resting contact, kept to start the next solve (rule R8): world vectors on body A.
@@ -70,9 +71,23 @@ pub struct State {
     pub warm_step: f64,
     /// Closed contacts of a method with continuous forces, sorted by key.
     pub touches: Vec<Touch>,
+    /// What method `events` has told last of each body, and of which motion ([`State::motion_hash`]); of another one it has told nothing.
+    pub told: Vec<Mode>,
+    pub told_of: u64,
 }
 
 impl State {
+    /// A number of places and velocities, another one wherever a bit differs but for chance: below 2^53.
+    pub fn motion_hash(&self) -> u64 {
+        let all = [&self.position, &self.velocity, &self.angular_velocity];
+        let numbers = all.into_iter().flatten().flat_map(|v| v.to_array());
+        // FNV-1a, of words.
+        let hash = numbers.fold(0xcbf2_9ce4_8422_2325, |hash: u64, x| {
+            (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3)
+        });
+        (hash ^ (hash >> 29)) & ((1 << 53) - 1)
+    }
+
     /// Takes a body away. It stands where it stood last.
     pub(crate) fn set_absent(&mut self, i: usize) {
         self.present[i] = false;

@@ -19,6 +19,19 @@ pub enum Mode {
     Gone,
 }
 
+impl Mode {
+    /// In the order of their numbers.
+    pub const ALL: [Mode; 7] = [
+        Mode::Flight,
+        Mode::Slide,
+        Mode::Roll,
+        Mode::Spin,
+        Mode::Rest,
+        Mode::Stepped,
+        Mode::Gone,
+    ];
+}
+
 /// What changed the motion of a ball.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]

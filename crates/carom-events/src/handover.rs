@@ -38,8 +38,8 @@ impl Run<'_> {
         let is_new = start > FLIGHT || self.state.step == 0;
         for (i, other) in each(&pressing, n) {
             if self.events.is_first && !is_new {
-                self.events.told[i] = Mode::Stepped;
-            } else if self.events.told[i] != Mode::Stepped {
+                self.state.told[i] = Mode::Stepped;
+            } else if self.state.told[i] != Mode::Stepped {
                 self.note(start, Kind::Press, i, Some(other), Mode::Stepped);
             }
         }

@@ -11,7 +11,7 @@ use carom_core::scratch::Scratch;
 use carom_core::stepper::method::{Step, Stepper};
 use carom_core::stepper::Span;
 use carom_core::timers::Phase;
-use carom_core::transition::{Kind, Mode};
+use carom_core::transition::Kind;
 use carom_core::{Model, State, StepReport};
 use glam::DVec3;
 
@@ -20,7 +20,7 @@ pub const JOINS: f64 = 1e-9;
 /// Events in a step at most: so many, and so many more for each second of it. Fewer: breaks of many balls are refused; more: it takes long to say that impacts
 /// follow one another without end.
 const MOST_EVENTS: [f64; 2] = [1e5, 1e6];
-/// Method `events`. Nothing here outlives a step but `told`.
+/// Method `events`. Nothing here outlives a step.
 pub struct Events {
     pub motions: Vec<Motion>,
     /// Of the balls whose slides turn.
@@ -29,12 +29,8 @@ pub struct Events {
     pub sums: Sums,
     pub group: Vec<usize>,
     pub touching: Vec<ContactKey>,
-    /// What the rows of the table of transitions have said of each ball. Of its motion it decides nothing.
-    pub told: Vec<Mode>,
-    /// Whether they said nothing before this step: the run begins, is taken up again, or its state was changed.
+    /// Whether the table of transitions said nothing of this motion before the step: the run begins, or its state was changed.
     pub is_first: bool,
-    /// Places and velocities at the end of the last step.
-    left: [Vec<DVec3>; 3],
     /// What `nsga` steps with where bodies press one another.
     pub stepping: Model,
 }
@@ -49,9 +45,7 @@ impl Events {
             sums: Sums::default(),
             group: Vec::new(),
             touching: Vec::new(),
-            told: Vec::new(),
             is_first: true,
-            left: Default::default(),
         }
     }
 }
@@ -59,10 +53,8 @@ impl Events {
 impl Stepper for Events {
     fn step(&mut self, on: &mut Step) -> Result<(), Failure> {
         let kept = on.state.clone();
-        let moves = |s: &State| {
-            [&s.position, &s.velocity, &s.angular_velocity].map(|of: &Vec<DVec3>| of.clone())
-        };
-        self.is_first = self.left != moves(on.state);
+        let told = (on.state.told.len(), on.state.told_of);
+        self.is_first = told != (on.model.bodies(), on.state.motion_hash());
         on.scratch.begin_step();
         on.scratch.wall_impulse.fill([DVec3::ZERO; 2]);
         let mut run = Run {
@@ -78,7 +70,7 @@ impl Stepper for Events {
         if made.is_err() {
             *on.state = kept;
         }
-        self.left = moves(on.state);
+        on.state.told_of = on.state.motion_hash();
         on.timers.mark(Phase::Velocity);
         made
     }

@@ -1,6 +1,6 @@
 //! The table of transitions: each row begins with the mode in which the last one of its ball has ended.
 
-use crate::step::{Events, Run};
+use crate::step::Run;
 use carom_core::flow::exchange::{is_out, take_out};
 use carom_core::transition::{Kind, Mode, Transition};
 
@@ -24,22 +24,15 @@ impl Run<'_> {
 
     /// What a step begins with: how balls move now is no news where no row was before.
     pub fn tell_begin(&mut self) {
-        let Events {
-            motions,
-            told,
-            is_first,
-            ..
-        } = &mut *self.events;
-        if *is_first {
-            told.clear();
-            told.extend(motions.iter().map(|m| m.mode));
+        if self.events.is_first {
+            self.state.told = self.events.motions.iter().map(|m| m.mode).collect();
         }
         self.tell_all(0.0, false);
     }
 
     /// What the rows of the table of transitions do not say yet; `releases` what was stepped and presses nothing.
     pub fn tell_all(&mut self, t: f64, releases: bool) {
-        let (present, told) = (self.present(), &self.events.told);
+        let (present, told) = (self.present(), &self.state.told);
         let (stepped, others): (Vec<_>, Vec<_>) =
             (present.into_iter()).partition(|&i| told[i] == Mode::Stepped);
         for i in others {
@@ -63,7 +56,7 @@ impl Run<'_> {
     /// What has set ball `i` off as it moves now: a row, if that is an event or its mode is another one. A ball that is stepped is so until it presses
     /// nothing: forms that end there are rounding.
     pub fn tell(&mut self, t: f64, kind: Option<Kind>, i: usize, other: Option<u32>) {
-        let (motion, before) = (&self.events.motions[i], self.events.told[i]);
+        let (motion, before) = (&self.events.motions[i], self.state.told[i]);
         let (after, other) = (motion.mode, other.or(motion.support.map(|s| s.wall)));
         let mut rows = self.scratch.transitions.iter();
         if kind.is_none()
@@ -72,7 +65,7 @@ impl Run<'_> {
             && rows.all(|row| row.body != i as u32)
         {
             // It began like this, but for what is too weak for a row of impacts.
-            self.events.told[i] = after;
+            self.state.told[i] = after;
             return;
         }
         let kind = kind.or_else(|| Kind::of(before, after));
@@ -83,7 +76,7 @@ impl Run<'_> {
 
     /// A row of the table of transitions.
     pub fn note(&mut self, t: f64, kind: Kind, i: usize, other: Option<u32>, after: Mode) {
-        let before = std::mem::replace(&mut self.events.told[i], after);
+        let before = std::mem::replace(&mut self.state.told[i], after);
         self.scratch.transitions.push(Transition {
             step: self.state.step + 1,
             time: self.span.start + t,

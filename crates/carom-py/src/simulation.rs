@@ -7,7 +7,7 @@ use crate::flow;
 use crate::problem::problem_dict;
 use crate::state::{
     monitor_arrays, monitors_from, put_kept, put_kinematics, put_pairs, read_open, read_pairs,
-    read_state,
+    read_state, told,
 };
 use crate::tables::{outcome_dict, put_block, put_impulses, put_motion, put_transitions};
 use crate::ModelError;
@@ -164,6 +164,11 @@ impl Simulation {
         let recorder = &inner.recorder;
         put_kept(&out, "warm", &s.warm, |w| w.key)?;
         put_kept(&out, "touch", &s.touches, |t| t.key)?;
+        if inner.model.options.method == Method::Events {
+            let told = told(s);
+            let count = told.len();
+            put(&out, "told", told, &[count])?;
+        }
         let (out, records) = (&out, &recorder.open[..]);
         put_kept(out, "open", records, |r| r.key)?;
         Table { out, records }.column("open_status", |r| u64::from(r.status))?;

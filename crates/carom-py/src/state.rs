@@ -5,6 +5,7 @@ use crate::ModelError;
 use carom_core::contact::ContactKey;
 use carom_core::record::ContactRecord;
 use carom_core::state::{State, Touch, Warm};
+use carom_core::transition::Mode;
 use carom_core::Monitors;
 use glam::{DQuat, DVec3};
 use pyo3::prelude::*;
@@ -162,6 +163,27 @@ pub fn read_pairs(state: &Bound<'_, PyDict>, name: &str) -> PyResult<Vec<[DVec3;
         .collect())
 }
 
+/// What method `events` has told: of which motion, and the mode of each body. Nothing in states of other methods, or of version 0.2.0.
+fn read_told(state: &Bound<'_, PyDict>) -> PyResult<(u64, Vec<Mode>)> {
+    if !state.contains("told")? {
+        return Ok((0, Vec::new()));
+    }
+    let told = arrays::indices(state, "told")?;
+    let Some((&of, modes)) = told.split_first() else {
+        return Ok((0, Vec::new()));
+    };
+    let mode = |&k: &u64| Mode::ALL.get(k as usize).copied();
+    let modes: Option<Vec<Mode>> = modes.iter().map(mode).collect();
+    let modes = modes.ok_or_else(|| ModelError::new_err("state: told is out of range"))?;
+    Ok((of, modes))
+}
+
+/// The same as it is saved.
+pub fn told(state: &State) -> Vec<u64> {
+    let modes = state.told.iter().map(|&mode| mode as u64);
+    [state.told_of].into_iter().chain(modes).collect()
+}
+
 /// The arrays of a state, of whatever model: [`State::check`] says whether it is one of this.
 pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
     let vectors = |name: &str| arrays::vectors(state, name);
@@ -178,6 +200,7 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
             "state: joint_reaction and joint_pseudo differ in length",
         ));
     }
+    let (told_of, told) = read_told(state)?;
     Ok(State {
         step: arrays::indices(state, "step")?
             .first()
@@ -199,6 +222,8 @@ pub fn read_state(state: &Bound<'_, PyDict>) -> PyResult<State> {
         warm: read_kept(state, "warm")?,
         warm_step,
         touches: read_kept(state, "touch")?,
+        told,
+        told_of,
     })
 }
 

@@ -73,7 +73,7 @@ class Watched:
         due, clumps = np.zeros(count, dtype=bool), [clump["balls"] for clump in self.model.get("clumps", ())]
         for flow, entered in zip(flows, done, strict=True):
             first, many = flow["bodies"]
-            if entered < many:  # clumps are bodies behind the balls
+            if entered < many and flow["start"] < self.until:  # clumps are bodies behind the balls
                 ends = (int(first + entered), first + many - 1)
                 (low, _), (_, high) = ((k, k + 1) if k < count else clumps[k - count] for k in ends)
                 due[low:high] = True

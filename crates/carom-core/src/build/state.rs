@@ -51,6 +51,8 @@ impl State {
             warm: Vec::new(),
             warm_step: model.options.step,
             touches: Vec::new(),
+            told: Vec::new(),
+            told_of: 0,
         };
         join_flow(model, &mut state);
         if !model.is_free() {
@@ -189,6 +191,9 @@ impl State {
             if !keys.windows(2).all(|k| k[0] < k[1]) {
                 return refuse(format!("{name} is not sorted"));
             }
+        }
+        if !(self.told.is_empty() || self.told.len() == n) {
+            return refuse("told is of another model".to_owned());
         }
         if !(self.warm_step > 0.0 && self.warm_step.is_finite()) {
             return refuse("warm_step must be finite and above 0".to_owned());

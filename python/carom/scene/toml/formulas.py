@@ -88,7 +88,7 @@ class Formulas:
 
     def passed_on(self, text: str) -> str | None:
         """The quantity with a unit that an expression takes from a parameter unchanged."""
-        return self.quantities.get(blank(text).strip())
+        return self.quantities.get(blank(text).strip(" ()"))
 
     def law(self, text: str, path: Path, values: Mapping[str, float | None], kind: Law | LawVector) -> str:
         """The formula of a law, with numbers in place of parameters; its own variable stays."""
