@@ -214,7 +214,7 @@ def _passed_on(stop: Interrupt, result: Result, *, kept: bool = True) -> Iterato
         cut = result.outcome.kind == "interrupted"
         if stop.signal == signal.SIGTERM:  # it now does what it would have done without us
             signal.raise_signal(signal.SIGTERM)
-        if cut or stop.signal == signal.SIGINT:
+        if stop and (cut or stop.signal == signal.SIGINT):  # what a callback raised ends a run, too
             at = f"at t = {result.outcome.time:g} s" if cut else "as the run ended"
             gone = "the attribute `result` of this exception, and out=... would keep it"
             where = f"in {result.path}" if kept else gone
