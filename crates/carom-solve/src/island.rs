@@ -131,9 +131,8 @@ impl<P> Island<'_, P> {
 
     /// Whether sweeps are the faster way.
     fn is_coarse(&self) -> bool {
-        let (options, contacts) = (self.options, &self.system.contacts);
-        let coarse = self.is_large() && options.tolerance >= COARSE_TOLERANCE;
-        coarse && options.beside.sweeps && contacts.iter().all(|c| !c.bilateral)
+        let options = self.options;
+        self.is_large() && options.tolerance >= COARSE_TOLERANCE && options.beside.sweeps
     }
 
     /// Relative residual of eq. 44.

@@ -54,7 +54,7 @@ pub enum IslandWay {
 #[derive(Clone, Copy, Debug)]
 pub enum IslandWhen {
     Always,
-    /// A large island without joints, which a coarse tolerance would loosen, and a tolerance from [`COARSE_TOLERANCE`] on.
+    /// A large island, and a tolerance from [`COARSE_TOLERANCE`] on.
     Coarse,
     /// Velocities that sweeps have not found, up to [`crate::solver::SPLIT_CONTACTS`] contacts.
     Swept,

@@ -2,7 +2,7 @@
 
 mod common;
 
-use carom_solve::rows::{Measured, RowSystem, Subproblem};
+use carom_solve::rows::{Measured, RowSystem, Subproblem, WORLD};
 use carom_solve::{Beside, Newton, NewtonOptions};
 use common::{bounds, cross, heap, sharp, solve, violation, Rng, Solved};
 
@@ -98,6 +98,62 @@ fn without_friction_sweeps_find_what_newtons_method_finds() {
     }
 }
 
+/// Points of neighbours joined in a chain, one of them twice and one held in the world, beside a heap's contacts.
+fn joined(seed: u64, contacts: usize, mask: usize) -> RowSystem {
+    let mut system = pushed(seed, contacts, mask);
+    let rng = &mut Rng(seed + 2);
+    let mut pairs: Vec<(u32, u32)> = (0..12).map(|k| (k, k + 1)).collect();
+    pairs.push((14, WORLD));
+    for (a, b) in pairs {
+        let arms = [rng.vector(0.5), rng.vector(0.5)];
+        let jac: [[[f64; 6]; 2]; 3] = std::array::from_fn(|k| {
+            let unit: [f64; 3] = std::array::from_fn(|i| f64::from(i == k));
+            let half = |arm: [f64; 3], sign: f64| {
+                let turn = cross(arm, unit);
+                std::array::from_fn(|i| sign * if i < 3 { unit[i] } else { turn[i - 3] })
+            };
+            [half(arms[0], 1.0), half(arms[1], -1.0)]
+        });
+        let z0 = rng.vector(0.5);
+        for _ in 0..1 + usize::from(a == 3) {
+            system.push_joint((a, b), 3, 0.5, &jac, &z0);
+        }
+    }
+    system
+}
+
+/// Joints are exact at the coarse tolerance of contacts, and without friction the velocities are those of Newton's method.
+#[test]
+fn joints_are_held_whatever_the_tolerance() {
+    let mut by_sweeps = 0;
+    for (seed, mask) in (0..8).flat_map(|seed| [(seed, 0), (seed, 1)]) {
+        let mut system = joined(seed, 80, mask);
+        let found = solve(&mut system, &mut Measured(&[]), &coarse());
+        assert!(found.report.converged);
+        if found.report.rung != "sweeps" {
+            // Friction of bodies with levers that joints hold may go round in circles.
+            assert_eq!(mask, 1, "{seed}");
+            continue;
+        }
+        by_sweeps += 1;
+        assert!(found.violation < 2e-4, "{seed}: {}", found.violation);
+        let mut z = vec![0.0; system.rows()];
+        system.linear_measures(&found.u, &mut z);
+        let joints = system.contacts.iter().filter(|c| c.bilateral);
+        let open = joints.flat_map(|c| c.rows()).map(|row| z[row].abs());
+        let open = open.fold(0.0, f64::max);
+        assert!(open < 1e-11, "{seed} {mask}: {open}");
+        if mask == 0 {
+            let exact = solve(&mut system, &mut Measured(&[]), &sharp());
+            assert!(exact.report.converged && exact.report.rung != "sweeps");
+            let size = exact.u.iter().fold(0.0f64, |most, u| most.max(u.abs()));
+            let off = found.u.iter().zip(&exact.u).map(|(u, v)| (u - v).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-3 * size, "{seed}");
+        }
+    }
+    assert!(by_sweeps >= 13, "{by_sweeps}");
+}
+
 /// The norm of all is mild with the worst contact: where no contact may close, none does, and nothing else is asked more finely.
 #[test]
 fn the_worst_contact_closes_no_faster_than_it_may() {
@@ -163,6 +219,7 @@ fn a_solver_that_was_used_finds_the_same() {
     let of = |contacts: usize, mask| pushed(contacts as u64, contacts, mask);
     let systems = [
         of(80, 7),
+        joined(5, 80, 1),
         levered(3, 150, 1, 1.5, 8.0),
         of(30, 0),
         of(60, 3),

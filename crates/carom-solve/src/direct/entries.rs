@@ -25,12 +25,12 @@ impl Entries {
         let n = rhs.len();
         x.clear();
         x.extend_from_slice(rhs);
-        self.values.clear();
         if n > most_dense {
             self.compress(n);
             (self.lu).refactor(n, &self.col_ptr, &self.row_idx, &self.values)?;
             return self.lu.solve(rhs, x).map(|_| ());
         }
+        self.values.clear();
         self.values.resize(n * n, 0.0);
         for &(row, col, value) in &self.list {
             self.values[row as usize * n + col as usize] += value;
@@ -41,12 +41,18 @@ impl Entries {
         Ok(())
     }
 
-    /// Compressed columns.
+    /// Compressed columns: their starts, row indices and values.
+    pub fn compressed(&mut self, n: usize) -> (&[usize], &[usize], &[f64]) {
+        self.compress(n);
+        (&self.col_ptr, &self.row_idx, &self.values)
+    }
+
     fn compress(&mut self, n: usize) {
         (self.list).sort_by_key(|&(row, col, _)| (u64::from(col) << 32) | u64::from(row));
         self.col_ptr.clear();
         self.col_ptr.resize(n + 1, 0);
         self.row_idx.clear();
+        self.values.clear();
         for same in self.list.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
             let (row, col, first) = same[0];
             let value = same[1..].iter().fold(first, |sum, other| sum + other.2);

@@ -2,7 +2,7 @@
 //! is left of the gaps and the turning of the normals shrinks with every one. Loads that depend on the motion are those of the round before. Large
 //! islands are swept (`swept`), and linearised again as they are.
 
-use super::{Island, Newton};
+use super::{Island, Newton, GAP_ROUNDINGS};
 use crate::cone::{self, Status, MAX_ROWS};
 use crate::ladder::SWEEPS;
 use crate::report::SolveReport;
@@ -151,7 +151,10 @@ impl Newton {
             }
             if done == 0 || turns {
                 sweeps.restart();
-                sweeps.open(on.system, &self.at.z, lambda, u);
+                if sweeps.open(on.system, &self.at.z, lambda, u).is_err() {
+                    self.row_sweeps = sweeps;
+                    return None;
+                }
             } else {
                 sweeps.measure(on.system, &self.at.z, u);
             }
@@ -180,7 +183,8 @@ impl Newton {
         }
         // Sweeps leave multipliers in their cones: these are the solution, and not what a step further would make of them.
         self.at.phi.copy_from_slice(lambda);
-        for (c, status) in on.system.contacts.iter().zip(&mut self.at.statuses) {
+        let contacts = on.system.contacts.iter().zip(&mut self.at.statuses);
+        for (c, status) in contacts.filter(|(c, _)| !c.bilateral) {
             let own = &lambda[c.rows()];
             if own[0] <= 0.0 {
                 *status = Status::Gap;
@@ -192,17 +196,22 @@ impl Newton {
         Some(total)
     }
 
-    /// What the worst contact overlaps by over what it may in a pile, where gaps are asked for, or closes by over what it may (1).
+    /// What the worst contact overlaps by, and the worst joint is open by, over what they may, where gaps are asked for; else what they close or open by (1).
     fn missed<P>(&self, on: &Island<P>) -> f64 {
         let options = on.options;
-        let contacts = on.system.contacts.iter().filter(|c| !c.bilateral);
+        let turns = options.gap_tolerance.is_finite();
         let of = |c: &RowContact| {
-            let most = match options.gap_tolerance.is_finite() {
-                true => OVERLAP * options.tolerance * c.length,
-                false => options.closing,
-            };
-            -self.at.z[c.row as usize] / most
+            if c.bilateral {
+                let rows = c.row as usize..(c.row + c.translational) as usize;
+                let open = self.at.z[rows]
+                    .iter()
+                    .fold(0.0, |most: f64, z| most.max(z.abs()));
+                let tolerance = options.gap_tolerance * c.length + GAP_ROUNDINGS * options.rounding;
+                return open / if turns { tolerance } else { options.closing };
+            }
+            let overlap = OVERLAP * options.tolerance * c.length;
+            -self.at.z[c.row as usize] / if turns { overlap } else { options.closing }
         };
-        contacts.map(of).fold(0.0, f64::max)
+        on.system.contacts.iter().map(of).fold(0.0, f64::max)
     }
 }

@@ -2,14 +2,17 @@
 //! share no node at a time. A sweep costs as much as there are rows, and no factorisation fills up, whatever the bodies are.
 //!
 //! A sweep takes the normal row of a contact to where it closes, `max(0, r - z/w)`, then each of its discs to `P(r - z/w)` with the largest eigenvalue `w`
-//! of the disc's block of `W`, which is never too long a step.
+//! of the disc's block of `W`, which is never too long a step. All joints of the island are one block, solved exactly at the end of a sweep.
 
+mod joints;
 mod kernel;
 
 use crate::cone::Block;
+use crate::direct::DirectError;
 use crate::rows::{RowContact, RowSystem, NODE_DOF};
 use crate::spheres::lanes::EMPTY;
 use crate::spheres::{Instructions, Packing, State, UngroupedContact, GROWTH, RAMP};
+use joints::Joints;
 use kernel::{DiscRows, Group, Row, Sweep};
 
 /// Workspace.
@@ -20,6 +23,7 @@ pub(super) struct RowSweeps {
     /// Discs of the groups, one group after the other: `each` of every one, as many as a contact has at most.
     discs: Vec<DiscRows>,
     each: usize,
+    joints: Joints,
     /// Velocities of the world, then of the nodes; and after the sweep before the last one.
     states: Vec<State>,
     last: Vec<State>,
@@ -34,6 +38,7 @@ impl RowSweeps {
         let node = |node: u32| node.wrapping_add(1);
         let links: Vec<UngroupedContact> = (0..)
             .zip(&system.contacts)
+            .filter(|(_, c)| !c.bilateral)
             .map(|(id, c)| UngroupedContact {
                 a: node(c.node_a),
                 b: node(c.node_b),
@@ -71,7 +76,13 @@ impl RowSweeps {
     }
 
     /// The problem linearised where the measures are `z` at the corrections `u` of `lambda`; loads stay as they are there.
-    pub fn open(&mut self, system: &RowSystem, z: &[f64], lambda: &[f64], u: &[f64]) {
+    pub fn open(
+        &mut self,
+        system: &RowSystem,
+        z: &[f64],
+        lambda: &[f64],
+        u: &[f64],
+    ) -> Result<(), DirectError> {
         self.discs.clear();
         self.discs
             .resize(self.each * self.groups.len(), DiscRows::default());
@@ -104,6 +115,7 @@ impl RowSweeps {
                 }
             }
         }
+        self.joints.open(system, lambda)?;
         self.measure(system, z, u);
         let mut own = vec![0.0; u.len()];
         let mut force = vec![0.0; u.len()];
@@ -113,11 +125,13 @@ impl RowSweeps {
             state.linear[..3].copy_from_slice(&own[..3]);
             state.surface[..3].copy_from_slice(&own[3..]);
         }
+        Ok(())
     }
 
     /// The same rows with other measures `z` at the corrections `u`.
     pub fn measure(&mut self, system: &RowSystem, z: &[f64], u: &[f64]) {
         let free = system.free(z, u);
+        self.joints.measure(&free);
         for (k, group) in self.groups.iter_mut().enumerate() {
             let discs = &mut self.discs[self.each * k..][..self.each];
             for (lane, &id) in group.ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {
@@ -148,13 +162,15 @@ impl RowSweeps {
             }
             *last = now;
         }
-        let [changed, size] = Instructions::default().run(Sweep {
+        let mut sums = Instructions::default().run(Sweep {
             groups: &mut self.groups,
             discs: &mut self.discs,
             each: self.each,
             states: &mut self.states,
             beta,
         });
+        self.joints.solve(&mut self.states, beta, &mut sums);
+        let [changed, size] = sums;
         self.age = match self.age {
             0 => 1,
             _ if changed > GROWTH * self.changed => 1,
@@ -170,6 +186,7 @@ impl RowSweeps {
 
     /// The multipliers.
     pub fn write(&self, contacts: &[RowContact], lambda: &mut [f64]) {
+        self.joints.write(lambda);
         for (k, group) in self.groups.iter().enumerate() {
             let discs = &self.discs[self.each * k..][..self.each];
             for (lane, &id) in group.ids.iter().enumerate().filter(|(_, &id)| id != EMPTY) {

@@ -218,6 +218,11 @@ pub fn violation(system: &RowSystem, z: &[f64], lambda: &[f64], u: &[f64]) -> f6
     let mut worst = 0.0f64;
     for c in &system.contacts {
         let first = c.row as usize;
+        if c.bilateral {
+            let open = c.rows().map(|row| z[row].abs() / system.diag[row]);
+            worst = open.fold(worst, f64::max);
+            continue;
+        }
         let normal = lambda[first];
         worst = worst.max((normal - (normal - z[first] / system.diag[first]).max(0.0)).abs());
         let mut row = first + 1;
