@@ -352,8 +352,34 @@ def test_where_all_balls_left_nothing_is_compared() -> None:
     scene.outlet(low=(0.05, -1, -1), high=(1, 1, 1))
     found = carom.compare(scene, laws=("sequence", "poisson"))
     assert not found["nsga+poisson"].differences
+    assert str(found).count("no ball is there in all runs") == 1
     assert "nan" not in str(found)
     found.plot()
+
+
+def test_warnings_are_those_of_the_compared_methods(tmp_path: Path) -> None:
+    """What the scene's own method need not mind was said of none: nsga ran at the distance of the frames of events."""
+    scene = carom.Scene("fast", run={"until": 0.1, "step": 0.01, "method": "events"})
+    scene.contact("m", "m", friction=0.2, restitution=0.9)
+    for k in range(2):
+        scene.sphere(f"b{k}", radius=0.03, mass=0.1, position=(k, 0, 0), velocity=(k, 0, 0), material="m")
+    told = "run.step: a step of 0.01 s moves"
+    with pytest.warns(carom.CaromWarning) as found:
+        carom.compare(scene, ("events", "nsga", "moreau"))
+    [one] = [str(warning.message) for warning in found]
+    assert one.startswith("nsga, moreau: ")
+    assert told in one
+    file = tmp_path / "fast.toml"
+    scene.to_toml(file)
+    _, _, error = command(str(file), "--methods", "nsga,moreau")
+    assert error.count(told) == 1
+    assert "nsga, moreau:" not in error  # it holds for all
+    assert command(str(file), "--methods", "events,penalty")[2] == ""
+    read = [
+        command(str(file), "--methods", names, "--set", "impact=poisson")[2]
+        for names in ("penalty", "penalty,events")
+    ]
+    assert ["method penalty does not read it" in error for error in read] == [True, False]
 
 
 def test_where_no_method_can_take_a_scene_all_are_named() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +21,6 @@ from carom.cli.options import (
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
 from carom.cli.progress import keeping, progress_bar
-from carom.errors import CaromWarning
 from carom.many.sheets import of_comparison
 
 
@@ -77,11 +75,8 @@ def compare(
     if plot is not None and laws is not None:
         refuse_existing("--plot", plot.with_name(f"{plot.stem}{IMPULSES}.csv"), force)
     described = scene(scenario, case, set_, until)
-    for advice in described.validate():
-        note(f"warning: {advice}")
     kept = "nothing is kept without -o DIR" if out is None else f"the runs so far are in {out}"
-    with keeping(kept), progress_bar(not (quiet or as_json)) as bar, warnings.catch_warnings():
-        warnings.simplefilter("ignore", CaromWarning)  # told above
+    with keeping(kept), progress_bar(not (quiet or as_json)) as bar:
         found = compare_methods(
             described,
             listed("--methods", methods) or None,

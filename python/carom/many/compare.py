@@ -36,6 +36,7 @@ from carom.scene.plan import Plan
 from carom.scene.scene import Scene
 from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.keywords import Options
+from carom.scene.tables.options import OPTIONS
 from carom.show.plot import require_matplotlib
 from carom.show.plot.comparison import beside
 
@@ -199,36 +200,54 @@ def default_methods() -> list[str]:
     ]
 
 
-def _refused(scene: Scene, chosen: Mapping[str, Mapping[str, Any]]) -> dict[str, CaromError]:
-    """Of the methods that cannot take the scene, what they say: contact forces know no joints, for one."""
-    found: dict[str, CaromError] = {}
+def _tried(
+    scene: Scene, chosen: Mapping[str, Mapping[str, Any]]
+) -> tuple[dict[str, CaromError], dict[str, list[str]]]:
+    """Of the methods that cannot take the scene, what they say: contact forces know no joints, for one; and each warning
+    about it with the methods that it holds for. An option is for those of the methods that read it.
+    """
+    refused: dict[str, CaromError] = {}
+    advice: dict[str, list[str]] = {}
+    usual, methods = _core.defaults(), {extra["method"] for extra in chosen.values()}
     for name, extra in chosen.items():
+        keys = {
+            key: usual[key]
+            for key, option in OPTIONS.items()
+            if extra["method"] not in option.methods and methods & {*option.methods}
+        } | dict(extra)
         try:
-            varied = scene.overridden(extra, dict.fromkeys(extra, "compare"))
-            varied.validate()
+            varied = scene.overridden(keys, dict.fromkeys(keys, "compare"))
+            told = varied.validate()
             begin(varied.to_model())
         except CaromError as error:
-            found[name] = error
-    return found
+            refused[name] = error
+        else:
+            for one in told:
+                advice.setdefault(str(one), []).append(name)
+    return refused, advice
 
 
 def _able(
     scene: Scene, chosen: dict[str, dict[str, Any]], named: bool
-) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
-    """The methods that can take the scene, and what is to be said of others. Those that were `named` must all take it."""
-    refused = _refused(scene, chosen)
+) -> tuple[dict[str, dict[str, Any]], tuple[str, ...], list[str]]:
+    """The methods that can take the scene, what is to be said of others, and warnings: of some only, with their names. Those
+    that were `named` must all take it.
+    """
+    refused, advice = _tried(scene, chosen)
     able = {name: extra for name, extra in chosen.items() if name not in refused}
     first = next(iter(refused.values()), None)
     if first and (len(refused) == 1 if named else not able):
         raise first
     causes = {name: str(error).partition("; ")[0] for name, error in refused.items()}
     if refused and named:
-        told = "; ".join(f"{name}: {cause}" for name, cause in causes.items())
+        why = "; ".join(f"{name}: {cause}" for name, cause in causes.items())
         cure = (
             f"compare {', '.join(able)}, which can take the scene" if able else str(first).partition("; ")[2]
         )
-        raise CaromError(f"{told}; {cure}")
-    return able, tuple(f"{name} is left out: {cause}" for name, cause in causes.items())
+        raise CaromError(f"{why}; {cure}")
+    remarks = tuple(f"{name} is left out: {cause}" for name, cause in causes.items())
+    told = [a if len(of) == len(able) else f"{', '.join(of)}: {a}" for a, of in advice.items()]
+    return able, remarks, told
 
 
 def method_options(name: str) -> dict[str, Any]:
@@ -302,9 +321,9 @@ def compare(
     plan = Plan.of(scene.run.until, h, 1, False)
     wanted = sorted({*(_grid(t, h, plan.steps) for t in at), plan.steps})
     every = _spacing(math.gcd(*wanted), plan.steps)
-    for advice in scene.validate():
-        warnings.warn(str(advice), CaromWarning, stacklevel=3)
-    chosen, remarks = _able(scene, chosen, named)
+    chosen, remarks, advice = _able(scene, chosen, named)
+    for one in advice:
+        warnings.warn(one, CaromWarning, stacklevel=3)
     if methods is None:
         pair = "events,nsga" if scene.run.method == "events" else f"{scene.run.method},events"
         remarks += (f"events is left out: it takes fewer scenes and is named, as {pair}",)

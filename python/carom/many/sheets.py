@@ -82,9 +82,12 @@ def of_comparison(found: Comparison, untitled: str = "comparison") -> Sheet:
         for k, name in enumerate(found.bodies[:MOST_BODIES]):
             row(f"  {name}", lambda r, k=k: _numbers(r.states["velocity"][-1][k, axes]))  # type: ignore[misc]
     for time in found.times:
-        rows.append([f"off {runs[0].name} at {time:g} s, greatest, and relative"])
+        heading = [f"off {runs[0].name} at {time:g} s, greatest, and relative"]
+        rows.append(heading)
         for quantity, (_, unit) in QUANTITIES.items():
             row(f"  {quantity.replace('_', ' ')} ({unit})", lambda r, q=quantity, t=time: _off(r, q, t))  # type: ignore[misc]
+        if rows[-1] is heading and len(runs) > 1:
+            heading[0] = f"at {time:g} s no ball is there in all runs; take an earlier time with at"
     title = titled(found.title or untitled, found.case)
     return Sheet(
         f"{title}: h = {found.step:g} s to t = {found.times[-1]:g} s",
