@@ -407,6 +407,16 @@ def test_a_result_has_its_shots(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "cue hits 7 first. Gone: 7 (foot left). white hits" in capsys.readouterr().out
     with pytest.raises(CaromError, match="record them"):
         _ = carom.simulate(scene, impacts=False).shots
+    with pytest.raises(CaromError, match=r'"7" was not struck, .* struck: "cue", "white"'):
+        t.shot(result, "7")
+    with pytest.raises(CaromError, match='no ball is called "8"; known: 7, cue, white'):
+        result.shots[0].cushions("8")
+    still = t.scene(until=0.01)
+    t.cue_ball(still)
+    at_rest = carom.simulate(still)
+    assert at_rest.shots == []
+    with pytest.raises(CaromError, match=r'"cue" was not struck, .* no ball was'):
+        t.shot(at_rest)
     elsewhere = carom.Scene(run={"until": 0.01, "step": 0.01, "method": "events"})
     elsewhere.sphere("a", radius=0.1, mass=1.0, material="m", position=(0, 0, 1), velocity=(1, 0, 0))
     with pytest.raises(CaromError, match="not on a table"):
@@ -508,6 +518,31 @@ def test_pockets_with_parallel_facings_and_shelves_as_deep_as_they_are() -> None
     assert sides[0][1] == pytest.approx(-2.8 * r)
 
 
+@pytest.mark.parametrize(("kind", "straight"), [("corner", 135.0), ("side", 90.0)])
+def test_a_pocket_is_refused_where_a_ball_cannot_pass(
+    kind: str, straight: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On its axis a ball reaches the edge of the slate if half the way between the facings there is more than its reach."""
+    t = table("9ft")
+    shelf, lean = (getattr(t.spec, f"{kind}_{key}") for key in ("shelf", "angle"))
+    lean -= math.radians(straight)
+    least = 2 * (t.reach / math.cos(lean) + shelf * math.tan(lean))
+    at, way = ((0.2, 0.2), (-1, -1, 0)) if kind == "corner" else ((0.5 * t.spec.length, 0.2), (0, -1, 0))
+
+    def met(mouth: float) -> set[str]:
+        narrow = table("9ft", **{f"{kind}_mouth": mouth})
+        scene = narrow.scene(until=0.5)
+        narrow.cue_ball(scene, at=at).velocity = way
+        return set(carom.simulate(scene).shots[0].cushions("cue"))
+
+    assert met(least + 1e-6) == set()
+    with pytest.raises(CaromError, match=f"cannot pass a {kind}_mouth of"):
+        met(least - 1e-6)
+    for module in ("billiards.measures", "tables.billiard"):
+        monkeypatch.setattr(f"carom.scene.{module}.misfit", lambda _: None)
+    assert {name.partition(" ")[0] for name in met(least - 1e-6)} == {"facing"}
+
+
 def test_gravity_is_a_magnitude() -> None:
     with pytest.raises(CaromError, match=r"gravity is a magnitude, which acts down; .* found -9\.8"):
         table("9ft").scene(gravity=-9.8)
@@ -551,3 +586,23 @@ def test_the_share_of_the_speed_that_a_rail_returns_by_law(run: dict[str, Any], 
     scene = nine.scene(until=0.3, laws=smooth, **run)
     nine.cue_ball(scene, at=(0.7, 0.2)).velocity = (0.0, -1.0, 0.0)
     assert carom.simulate(scene)["cue"].velocity[-1, 1] == pytest.approx(share, abs=0.005)
+
+
+@pytest.mark.parametrize("run", [{"impact": "compliant"}, {"method": "penalty"}, {"impact": "sequence"}])
+@pytest.mark.parametrize("kind", ["smooth", "rolls", "slides"])
+def test_how_a_ball_leaves_a_rail_with_and_without_friction(run: dict[str, Any], kind: str) -> None:
+    """The figures of the reference, share of the speed and hop in mm: at the nose the ball has 1 m/s."""
+    nine, smooth = table("9ft"), laws(cushion_friction=0.0, cloth_friction=0.0)
+    springs = {
+        "smooth": {"compliant": (0.73, 2.6), "penalty": (0.77, 1.2)},
+        "rolls": {"compliant": (0.72, 0.7), "penalty": (0.77, 0.4)},
+        "slides": {"compliant": (0.61, 2.3), "penalty": (0.67, 1.3)},
+    }
+    share, hop = springs[kind].get(next(iter(run.values())), (0.85, 0.0))
+    scene = nine.scene(until=0.05, step=2e-5, laws=smooth if kind == "smooth" else billiards.LAWS, **run)
+    cue = nine.cue_ball(scene, at=(nine.reach + 4e-5, 0.3))
+    cue.velocity = (-1.0, 0.0, 0.0)
+    cue.angular_velocity = (0.0, -(kind == "rolls") / nine.spec.ball_radius, 0.0)
+    found = carom.simulate(scene, every=1)["cue"]
+    assert found.velocity[:, 0].max() == pytest.approx(share, abs=0.006)
+    assert 1000 * (found.position[:, 2].max() - nine.spec.ball_radius) == pytest.approx(hop, abs=0.06)

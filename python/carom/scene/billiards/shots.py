@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from carom.errors import CaromError, quoted
+from carom.errors import CaromError, among, quoted
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -59,6 +60,7 @@ class Shot:
 
     def cushions(self, ball: str) -> list[str]:
         """The cushions that a ball hit, one after the other."""
+        _known("cushions", ball, self.balls)
         met = (self._partner(hit, ball) for hit in self.hits)
         return [name for name in met if name is not None and name not in self.balls]
 
@@ -75,6 +77,11 @@ class Shot:
     @staticmethod
     def _partner(hit: Hit, ball: str) -> str | None:
         return {hit.ball: hit.other, hit.other: hit.ball}.get(ball)
+
+
+def _known(call: str, ball: str, balls: Collection[str]) -> None:
+    if ball not in balls:
+        raise CaromError(f"{call}: no ball is called {quoted(ball)}; {among(str(ball), sorted(balls))}")
 
 
 def struck(result: RunData) -> list[str]:
@@ -129,8 +136,11 @@ def _causes(pushed: dict[str, list[str]], hits: list[Hit]) -> dict[str, set[str]
 
 def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest: float = SLOWEST) -> Shot:
     """The shot of a run; `Table.shot` is the way to call it."""
-    if cue not in result.names:
-        raise CaromError(f"shot: no ball is called {quoted(cue)}")
+    _known("shot", cue, result.names)
+    moving = struck(result)
+    if cue not in moving:
+        known = f"struck: {', '.join(map(quoted, moving))}" if moving else "no ball was"
+        raise CaromError(f"shot: {quoted(cue)} was not struck, for it rests at the start; {known}")
     if not result.scene.record.impacts:
         raise CaromError("shot: the run has no impacts; record them, as with impacts=True of carom.simulate")
     rows = result.impacts
@@ -151,7 +161,6 @@ def shot(result: RunData, cue: str, pocketed: list[Pocketed], bed: str, slowest:
         found[hit.time, a, *normal] = replace(old, other=min(old.other, b), speed=max(old.speed, hit.speed))
     hits, names = list(found.values()), frozenset(result.names)
     between = [hit for hit in hits if hit.other in names]
-    moving = dict.fromkeys([cue, *struck(result)])
     pushed = {
         name: _pushed(result, name, [other for other in moving if other != name], between) for name in moving
     }

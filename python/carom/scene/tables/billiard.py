@@ -87,4 +87,14 @@ def _pocket_misfit(table: Any, kind: str, parallel: float) -> str | None:
     if shelf > length * math.cos(lean):
         deep = length * math.cos(lean)
         return f"{kind}_shelf of {shelf:g} m puts the edge of the slate behind the facings, which are {deep:g} m deep"
+    # Facings that converge are nearest at the edge of the slate, else the points are: half the way between them there.
+    along = min(max(shelf * math.cos(lean) + 0.5 * mouth * math.sin(lean), 0.0), length)
+    edge = math.hypot(shelf - along * math.cos(lean), 0.5 * mouth - along * math.sin(lean))
+    room = 2 * min(0.5 * mouth, edge)
+    radius, above = table.ball_radius, table.nose_height - table.ball_radius
+    if room <= (ball := 2 * math.sqrt(radius**2 - above**2)):  # as wide as it is at the height of the noses
+        return (
+            f"a ball on the bed is {ball:.4g} m wide at the noses and cannot pass a {kind}_mouth of {mouth:g} m, which"
+            f" leaves {room:.4g} m"
+        )
     return None
