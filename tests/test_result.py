@@ -79,6 +79,14 @@ def test_impacts_are_a_table(result: carom.Result) -> None:
     assert {"pair", "impulse", "status", "approach"} <= set(impacts)
     assert impacts.pair[0].tolist() == ["one", "bed"]
     late = impacts.where(np.asarray(impacts.time) > 0.5)
+    for rows in (slice(3), slice(1, None, 2), slice(-2, None)):
+        assert (impacts[rows]["time"] == np.asarray(impacts["time"])[rows]).all()
+        assert (impacts[rows].pair == impacts.pair[rows]).all()
+    for wrong in (3, ["time"], np.arange(2)):
+        with pytest.raises(KeyError, match=r"write impacts\[2:5\] .* name of a column: step, time"):
+            impacts[wrong]
+    with pytest.raises(KeyError, match="no column slice"):
+        result.bodies[:1]  # type: ignore[index]
     assert 0 < len(late) < len(impacts)
     assert late.time.min() > 0.5
     assert len(late.pair) == len(late)

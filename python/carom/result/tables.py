@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from carom.arrays import Array
-from carom.errors import CaromError, among, counted, did_you_mean, extra
+from carom.errors import CaromError, among, counted, did_you_mean, extra, quoted
 from carom.numeric import is_whole
 from carom.result.names import Names, UnknownName
 from carom.result.record import Record
@@ -80,7 +80,15 @@ class Table:
         """Names of the columns: those of the file, and those derived from them."""
         return [*self._segments.columns(self.name), *self._derived()]
 
-    def __getitem__(self, column: str) -> Any:
+    def __getitem__(self, column: str | slice) -> Any:
+        """A column by its name, or the rows of a slice; other rows are chosen by `where`."""
+        if isinstance(column, slice):
+            return self.where(np.arange(len(self))[column])
+        if not isinstance(column, str):
+            raise UnknownName(
+                f"{self.name}: found {quoted(column)}; write {self.name}[2:5] or {self.name}.where(...) for rows, or the"
+                f" name of a column: {', '.join(self.columns)}"
+            )
         derive = self._derived().get(column)
         if derive is not None:
             return derive()
@@ -396,7 +404,7 @@ class Static:
         return list(self._columns)
 
     def __getitem__(self, column: str) -> Array:
-        if column not in self._columns:
+        if column not in self.columns:
             raise UnknownName(f"no column {column!r}; {did_you_mean(str(column), self.columns)}")
         return self._columns[column]
 
