@@ -324,7 +324,9 @@ class Run:
         failed = ending.kind not in ("done", "stopped", "interrupted")
         problem = simulation.failing_problem() if failed else None
         segment |= {"to_step": simulation.step, "wall_s": ending.wall_s, "core_s": ending.core_s}
-        segment["phases"] = summary.plain(simulation.phases())
+        phases = summary.plain(simulation.phases())  # estimates of sampled steps: only their shares are known
+        part = ending.core_s / (sum(phases.values()) or 1.0)
+        segment["phases"] = {name: part * seconds for name, seconds in phases.items()}
         about["segments"] = [*(part for part in about["segments"] if part is not segment), segment]
         about["status"] = "failed" if failed else ending.kind
         about["outcome"] = summary.named(ending.outcome, self.names, self.wall_names, scene.joint_names)
