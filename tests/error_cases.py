@@ -440,6 +440,12 @@ PIECES: dict[str, list[tuple[str, str]]] = {
         ("run.step", STRAINED)
     ],
     "until = ... s is not a whole number of steps": [("run.until", "until = 1.0 -> until = 1.0004")],
+    "until = ... s is not a whole number of frames, which are ... s apart": [
+        ("run.until", 'until = 1.0 -> until = 1.0004\nmethod = "events"')
+    ],
+    "until = ... s is shorter than the ... s between two frames": [
+        ("run.until", 'until = 1.0 -> until = 1e-4\nmethod = "events"')
+    ],
     "e_N = 1 on plane ... against gravity: each bounce loses energy of the order of the step": [
         ("restitution", "restitution = 0.5 -> restitution = 1.0")
     ],

@@ -192,8 +192,14 @@ def _held_up(bodies: Bodies, normal: F64) -> Bool:
 def _rounded_until(parts: Whole) -> Iterator[Finding]:
     end = steps(parts.run) * parts.run.step
     if end - parts.until > 1e-6 * parts.run.step:
-        cause = f"until = {parts.until:g} s is not a whole number of steps"
-        yield Finding(("run", "until"), cause, f"the run ends at {end:.10g} s")
+        until, step = parts.until, parts.run.step
+        cure = f"the run ends at {end:.10g} s"
+        if parts.run.options()["method"] == "events":
+            cause = f"until = {until:g} s is not a whole number of frames, which are {step:g} s apart"
+            yield Finding(("run", "until"), cause, cure)
+        else:
+            cause = f"until = {until:g} s is not a whole number of steps"
+            yield Finding(("run", "until"), cause, cure)
 
 
 def _large_results(parts: Whole) -> Iterator[Finding]:

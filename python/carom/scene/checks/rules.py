@@ -175,8 +175,13 @@ def _times(parts: Parts) -> Iterator[Finding]:
             ("run", "until"), "is missing", cure, "pass until=... (simulated time, s); it has no default"
         )
     elif run.until < run.step * (1 - SLACK):
-        cause = f"until = {run.until:g} s is shorter than one step of {run.step:g} s"
-        yield Finding(("run", "until"), cause, "give a longer until or a shorter step")
+        if run.options()["method"] == "events":
+            cause = f"until = {run.until:g} s is shorter than the {run.step:g} s between two frames"
+            cure = f'give a longer until, or method = "events" and step = {run.until:g} together'
+            yield Finding(("run", "until"), cause, cure)
+        else:
+            cause = f"until = {run.until:g} s is shorter than one step of {run.step:g} s"
+            yield Finding(("run", "until"), cause, "give a longer until or a shorter step")
     elif steps(run) > MOST_STEPS:
         cause = f"{run.until:g} s in steps of {run.step:g} s are more than 10^12 steps"
         yield Finding(("run", "step"), cause, "give a longer step or a shorter until")
