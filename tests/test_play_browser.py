@@ -204,6 +204,23 @@ def test_balls_at_rest_have_no_time(page: Browser) -> None:
     assert page.evaluate(shown) == "visible"
 
 
+def test_the_bar_is_as_dark_as_the_page_or_as_it_was_chosen(page: Browser) -> None:
+    """Half of it was a large white strip beside the dark column, in two rows."""
+    assert page.evaluate("play.viewer().state().theme") == "dark"
+    rows = (
+        "new Set([...document.querySelector('iframe.shown').contentDocument.querySelectorAll('#bar .group')]"
+    )
+    rows += ".map((part) => part.getBoundingClientRect().top)).size"
+    with Browser(size=(1280, 800)) as wide:
+        wide.visit(str(page.evaluate("location.href")), "play")
+        wide.evaluate("play.ready")
+        assert wide.evaluate(rows) == 1
+    page.evaluate("play.viewer().theme()")
+    shoot(page)
+    assert page.evaluate("play.viewer().state().theme") == "light"
+    page.evaluate("play.viewer().theme()")
+
+
 def test_a_table_that_cannot_be_drawn_leaves_the_old_one(
     page: Browser, table: tuple[Server, Browser], monkeypatch: pytest.MonkeyPatch
 ) -> None:

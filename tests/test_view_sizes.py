@@ -9,6 +9,7 @@ from typing import Any
 import carom
 import pytest
 from browser import Browser, find_browser
+from carom import billiards
 from carom.show.viewer import write_html
 from carom.text import shortened
 
@@ -74,6 +75,24 @@ def boxes(browser: Browser, *elements: str) -> list[Any]:
         )
         for element in elements
     ]
+
+
+@pytest.mark.parametrize("size", [(900, 420), (1280, 800), (640, 360), (420, 800)])
+def test_all_in_view_is_clear_of_the_title(size: tuple[int, int], tmp_path: Path) -> None:
+    """In low windows title and list of impacts lay over a pocket."""
+    table = billiards.table("9ft")
+    scene = table.scene("A nine-ball break on a pocket table", until=0.1)
+    billiards.strike(table.cue_ball(scene, at=(0.1, 0.5)), speed=2.0, direction="180 deg")
+    with Browser(size=size) as browser:
+        browser.open(write_html(carom.simulate(scene), tmp_path / "view.html").path)
+        browser.evaluate("carom.setTime(0)")
+        _, _, right, bottom = boxes(browser, "header")[0]
+        across, down, most_across, most_down = boxes(browser, "#stage")[0]
+        for pocket in table.pockets.values():
+            x, y = browser.evaluate(f"carom.project([{pocket[0]}, {pocket[1]}, {table.spec.nose_height}])")
+            assert across < x < most_across
+            assert down < y < most_down
+            assert x > right or y > bottom
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (390, 800)])

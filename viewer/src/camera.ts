@@ -14,6 +14,8 @@ interface Pose {
 }
 
 const GLIDE_MS = 450;
+const MARGIN = 1.05; // around the box, of its size
+const MOST_FREE = 0.4; // of the height is left to titles, even if they need more
 
 export class Eye {
   readonly camera = new PerspectiveCamera(32, 1, 0.01, 100);
@@ -29,6 +31,8 @@ export class Eye {
     private readonly world: World,
     element: HTMLElement,
     private readonly moved: () => void,
+    /** Shares of the picture, from its left upper corner, that title and lists lie over. */
+    private readonly covered: () => { right: number; bottom: number },
   ) {
     this.camera.up.set(...world.up);
     this.controls = new OrbitControls(this.camera, element);
@@ -145,8 +149,19 @@ export class Eye {
     this.camera.updateProjectionMatrix();
   }
 
-  /** Stands so that the whole box is in view, seen along the preset's direction. */
+  /** Stands so that the whole box is in view, seen along the preset's direction, and clear of what lies over the picture. */
   private pose(preset: Preset): Pose {
+    const { right, bottom } = this.covered();
+    const most = Math.min(bottom, MOST_FREE);
+    for (let free = 0; ; free = Math.min(free + 0.02, most)) {
+      const { pose, seen } = this.below(preset, free);
+      const pairs = seen.flatMap((p, i) => seen.slice(i + 1).map((q) => [p, q]));
+      if (free >= most || !pairs.some(([p, q]) => reaches(p, q, right, bottom))) return pose;
+    }
+  }
+
+  /** The same in what lies below a share `free` of the picture; and where it shows the corners of the box, in shares of it. */
+  private below(preset: Preset, free: number): { pose: Pose; seen: [number, number][] } {
     const { up, box } = this.world;
     // What is long lies across the screen, or along it where the screen is upright.
     const across = this.camera.aspect < 0.8 ? cross(up, this.world.across) : this.world.across;
@@ -168,18 +183,39 @@ export class Eye {
     const high = add(box[1], margin);
     const points = corners(low, high);
     let target = scale(add(low, high), 0.5);
+    // From the middle of the picture up and down to where the box may reach, in halves of its height.
+    const [top, bottom] = [1 - free - MARGIN * free, 1 - free + MARGIN * free];
     let distance = 0;
+    let seen: [number, number][] = [];
     // The nearer side looks larger: shift the target until the margins on both sides are equal.
     for (let k = 0; k < 8; k++) {
       const spans = points.map((p) => {
         const d = add(p, target, -1);
         return [dot(d, right), dot(d, above), dot(d, toward)];
       });
-      distance = Math.max(...spans.map(([x, y, z]) => z + 1.05 * Math.max(Math.abs(x) / tanX, Math.abs(y) / tanY)));
+      distance = Math.max(
+        ...spans.map(([x, y, z]) => z + MARGIN * Math.max(Math.abs(x) / tanX, y / tanY / top, -y / tanY / bottom)),
+      );
       const slope = (i: number) => spans.map((s) => s[i] / (distance - s[2]));
-      const shift = (i: number) => (0.5 * (Math.max(...slope(i)) + Math.min(...slope(i)))) * distance;
-      target = add(add(target, right, shift(0)), above, shift(1));
+      const middle = (i: number) => 0.5 * (Math.max(...slope(i)) + Math.min(...slope(i)));
+      const [aside, rise] = [middle(0) * distance, (middle(1) + free * tanY) * distance];
+      target = add(add(target, right, aside), above, rise);
+      seen = spans.map(([x, y, z]) => {
+        const [across, up] = [(x - aside) / tanX, (y - rise) / tanY].map((s) => s / (distance - z));
+        return [0.5 + 0.5 * across, 0.5 - 0.5 * up];
+      });
     }
-    return { eye: new Vector3(...add(target, toward, distance)), target: new Vector3(...target) };
+    return { pose: { eye: new Vector3(...add(target, toward, distance)), target: new Vector3(...target) }, seen };
   }
+}
+
+/** Whether the line from p to q has a point to the left of `right` and above `bottom`. */
+function reaches(p: [number, number], q: [number, number], right: number, bottom: number): boolean {
+  let [from, to] = [0, 1];
+  for (const [a, b] of [[p[0] - right, q[0] - right], [p[1] - bottom, q[1] - bottom]]) {
+    if (a >= 0 && b >= 0) return false;
+    if (a >= 0) from = Math.max(from, a / (a - b));
+    else if (b >= 0) to = Math.min(to, a / (a - b));
+  }
+  return from < to;
 }

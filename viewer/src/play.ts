@@ -181,6 +181,9 @@ class Play {
         for (const id of ["fit", "top", "side", "end"] as const) {
           page.getElementById(id)!.addEventListener("click", () => (this.preset = id));
         }
+        page.getElementById("frame")!.hidden = true; // of a shot the time is enough, and the bar is one row
+        const theme = (before?.contentWindow as Window | undefined)?.carom.state().theme ?? "dark"; // as this page is, or as it was chosen
+        if (carom.state().theme !== theme) carom.theme();
         page.addEventListener("keydown", (event) => this.key(event));
         carom.view(this.preset, true);
         carom.show({ impacts: false });

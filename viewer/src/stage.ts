@@ -78,7 +78,10 @@ export class Stage {
     this.back = backdrop();
     this.overlay = new Overlay(run, this.world, this.looks, this.shared);
     this.scene.add(this.back, this.surfaces.group, this.walls.group, this.spheres.mesh, this.overlay.among);
-    this.eye = new Eye(run, this.world, this.canvas, () => (this.dirty = true));
+    this.eye = new Eye(run, this.world, this.canvas, () => (this.dirty = true), () => {
+      const { offsetLeft: left, offsetTop: top, offsetWidth: width, offsetHeight: height } = host.querySelector("header")!;
+      return { right: (left + width) / host.clientWidth, bottom: (top + height) / host.clientHeight };
+    });
     this.canvas.addEventListener("webglcontextrestored", () => (this.dirty = true));
     new ResizeObserver(() => this.resize()).observe(host);
     this.resize();
