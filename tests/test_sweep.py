@@ -229,6 +229,29 @@ class TestInThisProcess:
             of(files / "slide.toml", {"run.step": [1e-3]}, step=1e-4)
         assert of(files / "slide.toml", {"v": [0.1], "cue.velocity.y": [0.2]}).cases == 1
 
+    def test_a_parameter_that_the_study_itself_uses_does_something(self, files: Path) -> None:
+        """It was refused as idle, and without it the expression was."""
+        study = carom.Study.of(
+            files / "slide.toml", {"v": [1.0, 2.0]}, set={"cue.velocity.x": "= v*cos(0.1)"}
+        )
+        found = carom.sweep(study, files / "out", workers=0)
+        turned = carom.sweep(
+            carom.Study.of(files / "slide.toml", {"cue.velocity.x": np.cos(0.1) * np.array([1.0, 2.0])}),
+            files / "turned",
+            workers=0,
+        )
+        np.testing.assert_allclose(found["cue.position.x"], turned["cue.position.x"], rtol=1e-12)
+
+    def test_columns_that_no_table_will_have_are_refused_before_any_run(self, files: Path) -> None:
+        """With --no-plots they were accepted without a word."""
+        command = ["sweep", str(files / "study.toml"), "-o", str(files / "out"), "--no-plots", "--columns"]
+        done = CliRunner().invoke(app, [*command, "cue.position.x,nope"])
+        assert done.exit_code == 2
+        assert "the study has no column 'nope'; known: " in done.stderr
+        assert not (files / "out").exists()
+        study = carom.Study.from_toml(files / "study.toml")
+        study.check_columns(carom.sweep(study, files / "out", workers=0).columns)
+
     def test_run_directories_are_kept_continued_and_measured(self, files: Path) -> None:
         def travelled(result: carom.Result) -> dict[str, float]:
             return {"travelled": float(result["cue"].position[-1, 0])}

@@ -75,6 +75,7 @@ def sweep(
 
     refuse_existing("--csv", csv, force)
     described = Study.from_toml(study, function(measure))
+    described.check_columns(chosen := listed("--columns", columns))
     folder = out or Path("sweeps") / study.stem
     bar = _Bar() if not (quiet or as_json) else None
     with going_on(bar, f"what was computed is in {folder}"):
@@ -86,7 +87,8 @@ def sweep(
             retry_failed=retry_failed,
             progress=bar,
         )
-    chosen = listed("--columns", columns)
+    for name in chosen if found.ok.any() else ():
+        found[name]  # of a measure, too: refused where it is not there
     files = [found.to_csv(csv, chosen)] if csv is not None else []
     files += figures(found, plots, columns=chosen) if found.ok.any() else []
     if as_json:

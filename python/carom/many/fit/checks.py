@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carom.errors import CaromError, ScenarioError, among, did_you_mean
-from carom.many.batch_result import KINEMATICS
 from carom.many.fit.data import ROUNDED, Target, moving
 from carom.many.sweep.study import RESERVED
-from carom.run.summary import LISTED_BODIES
 from carom.scene.plan import Plan
 
 if TYPE_CHECKING:
@@ -70,13 +68,7 @@ def _first_of(targeting: Targets, cases: range) -> Scene | ScenarioError | None:
 def quantities(calibration: Calibration, free: bool) -> None:
     """Refuse what no run has. `free`: what a measure returns is not known before it is called."""
     names = calibration.study.targeting.base.names
-    kept = calibration.study.bodies or (names if len(names) <= LISTED_BODIES else ())
-    ends = [
-        f"{ball}.{q}.{x}"
-        for ball in kept
-        for q in KINEMATICS
-        for x in ("wxyz" if q == "orientation" else "xyz")
-    ]
+    ends = calibration.study.ends
     numbers = [name for name in RESERVED if name not in TEXTS]
     for target in calibration.targets:
         place = moving(target.quantity)
@@ -89,8 +81,8 @@ def quantities(calibration: Calibration, free: bool) -> None:
         if not free and target.quantity not in (*ends, *numbers) and not (target.time is not None and place):
             cure = did_you_mean(target.quantity, [*numbers, *ends[:20]])
             raise CaromError(
-                f"{target.place}: no quantity is called {target.quantity!r} without a measure; {cure}, or give one"
-                " (--measure FILE.py:FUNCTION)"
+                f"{target.place}: no quantity is called {target.quantity!r} without a measure (--measure FILE.py:FUNCTION);"
+                f" {cure}"
             )
 
 

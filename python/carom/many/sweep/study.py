@@ -22,7 +22,9 @@ from carom.many.sweep.origin import COLUMNS as ORIGIN
 from carom.many.sweep.table_file import read_table
 from carom.many.sweep.targets import RUN, Targets
 from carom.many.threads import ENERGIES, MONITORS
+from carom.result.kinematics import QUANTITIES
 from carom.run.result import Result
+from carom.run.summary import LISTED_BODIES
 from carom.scene.scene import Scene
 from carom.scene.shipped import find, named
 from carom.scene.tables.model import SINGLE
@@ -163,6 +165,25 @@ class Study:
     def columns(self) -> dict[str, F64]:
         """The points under the names of their columns: a start value is not to be mistaken for the final one."""
         return {column(name): values for name, values in self.points.items()}
+
+    @property
+    def ends(self) -> list[str]:
+        """The columns of the final state, of the balls that are kept."""
+        names = self.targeting.base.names
+        kept = self.bodies if self.bodies is not None else names if len(names) <= LISTED_BODIES else ()
+        return [
+            f"{ball}.{quantity}.{x}"
+            for ball in kept
+            for quantity, (letters, _) in QUANTITIES.items()
+            for x in letters
+        ]
+
+    def check_columns(self, wanted: Sequence[str]) -> None:
+        """Refuse columns that no table of the study will have; those of a measure are not known before it is called."""
+        known = [*self.columns, *RESERVED, *self.ends]
+        for name in wanted if self.measure is None else ():
+            if name not in known:
+                raise CaromError(f"the study has no column {name!r}; {did_you_mean(name, known)}")
 
     @cached_property
     def targeting(self) -> Targets:

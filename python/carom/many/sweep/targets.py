@@ -181,11 +181,13 @@ class Targets:
                     raise CaromError(f"parameters.{name}: {error}") from error
 
     def _check_effects(self, case: int) -> None:
-        """Refuse parameters of the file that do nothing, since the study itself sets all that the file uses them for."""
+        """Refuse parameters of the file that do nothing: the study sets all that the file uses them for, and not by them."""
         if not (self.of_arrays or self.of_run or self.run):
             return
         fixed = {_sorted(key) for key in self.of_arrays}
-        for name in self.of_file:
+        others = {**self.of_run, **self.of_arrays}.values()
+        used = {name for text in others for name in _variables(text, self.points)}
+        for name in self.of_file.keys() - used:
             changed = self._changed_by(name, case)
             if changed is None or changed - fixed:
                 continue
