@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import carom
 import numpy as np
@@ -155,6 +156,38 @@ def sticky() -> carom.Scene:
         scene.sphere(f"b{k}", material="grain", radius=2.5e-3, density=2500, position=(5.02e-3 * k, 0, 0),
                      velocity=(1e-3 * k, 0, 0))  # fmt: skip
     return scene
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        (np.ma.array([1.0, 2.0], mask=[False, True]), "some of them are masked"),
+        ([np.ma.masked, 1.0], "some of them are masked"),
+        ([True, False], "found true"),
+        (np.array([True, False]), "found true"),
+        ([1.0, True], "found true"),
+        (["1.0", "2.0"], 'found "1.0"'),
+        ([1j, 2.0], "found 1j"),
+        ([None, 2.0], "found nothing"),
+        ([10**400], "one of them is too large"),
+    ],
+)
+def test_what_is_no_number_is_refused(values: Any, told: str) -> None:
+    """Masks were forgotten, true was 1, and so was a text."""
+    with pytest.raises(CaromError, match=rf'"cue.velocity.x" must be numbers in SI \({told}'):
+        carom.simulate_batch(pair(), {"cue.velocity.x": values})
+    with pytest.raises(CaromError, match=r"^parameters.v: "):
+        carom.Study.of(BREAK, {"v": values}, set={"ball2.velocity.x": "= v"}, until=0.1)
+
+
+@pytest.mark.parametrize("key", ["every", "contacts", "walls", "checkpoint_wall"])
+def test_what_a_batch_does_not_record_is_refused(key: str) -> None:
+    """Nothing was done with such keys, without a word."""
+    cure = "frames=10 records every tenth step" if key == "every" else "leave it out"
+    with pytest.raises(CaromError, match=f"^simulate_batch: {key} does nothing here; {cure}$"):
+        carom.simulate_batch(pair(), **{key: 1})
+    with pytest.raises(CaromError, match=f"^sensitivity: {key} does nothing here; leave it out$"):
+        carom.sensitivity(pair(), ["cue.velocity.x"], **{key: 1})
 
 
 def test_every_number_of_a_contact_law_varies() -> None:

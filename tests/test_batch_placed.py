@@ -5,7 +5,9 @@ from __future__ import annotations
 import carom
 import numpy as np
 import pytest
+from carom import CaromError
 from carom.many.cases import Overrides
+from carom.scene.assembly.vectors import unit
 
 
 def joined() -> carom.Scene:
@@ -27,6 +29,43 @@ def test_joints_and_springs_are_those_of_the_places_of_a_case() -> None:
         single = carom.simulate(batch.scene(case))
         np.testing.assert_array_equal(batch.position[case], np.asarray(single.position)[-1])
     assert np.linalg.norm(batch.position[1, 0] - batch.position[1, 1]) == pytest.approx(np.hypot(0.1, 0.02))
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-7])
+def test_orientations_have_the_bits_of_single_runs_and_of_their_files(off: float) -> None:
+    """A scene divided them by their length once more than the batch, whose last bits went with it."""
+    q = np.random.default_rng(0).normal(size=(12, 4, 4))
+    q *= (1.0 + off) / np.linalg.norm(q, axis=2, keepdims=True)
+    scene = joined()
+    batch = carom.simulate_batch(scene, {f"{name}.orientation": q[:, i] for i, name in enumerate("abcd")})
+    assert batch.ok.all()
+    for case in range(len(q)):
+        own = batch.scene(case)
+        for same in (own, carom.Scene.from_toml(own.to_toml())):
+            assert np.array_equal(np.asarray(carom.simulate(same).orientation)[-1], batch.orientation[case])
+    once = [*map(unit, q.reshape(-1, 4).tolist())]
+    assert [*map(unit, once)] == once
+
+
+def test_cases_of_a_scene_with_inflows_are_scenes() -> None:
+    """They were refused, though only a law, gravity or a sphere of the scene varies."""
+    scene = carom.Scene("falls", run={"until": 0.1, "step": 1e-3})
+    scene.contact("b", "w", friction=0.3, restitution=0.3)
+    scene.contact("b", "b", friction=0.3, restitution=0.3)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    scene.sphere("a", radius=0.004, mass=0.01, at=(0.1, 0, 0.004), material="b")
+    region = {"low": (-0.02, -0.02, 0.02), "high": (0.02, 0.02, 0.03)}
+    scene.inflow("g", count=5, radius=0.004, density=2500, region=region, rate=200, seed=1, material="b")
+    given = {"b/w.friction": [0.1, 0.5], "gravity.x": [0.0, 1.0], "a.velocity.x": [-0.1, -1.0]}
+    batch = carom.simulate_batch(scene, given)
+    assert batch.ok.all()
+    for case in range(2):
+        single = carom.simulate(batch.scene(case))
+        assert np.array_equal(np.asarray(single.position)[-1], batch.position[case])
+    with pytest.raises(
+        CaromError, match=r'^"mass": "g5" is no sphere of a scene; make a scene for each case'
+    ):
+        carom.simulate_batch(scene, {"mass": np.full((1, 6), 0.01)}).scene(0)
 
 
 def test_a_case_that_its_scene_would_refuse_is_bad() -> None:

@@ -22,6 +22,7 @@ from carom.numeric import is_whole
 from carom.run.simulate import scene_of
 from carom.run.watch import Stop, Watch, check_function
 from carom.scene.scene import Scene
+from carom.scene.tables.model import SINGLE
 
 
 def simulate_batch(
@@ -47,10 +48,11 @@ def simulate_batch(
     - `"gravity"` (B, 3)
 
     Where `mass` or `radius` is given and `inertia` is not, I / (m r^2) stays. `options` are keys of `[run]`, as in
-    `carom.simulate`. `threads` is by default the number of processors. With `frames` a frame is kept after each so many
-    steps, and of the start, but none of an end that lies between; scenes of a list must have one step then. With `impacts`
-    the tables of all impacts and transitions. `progress(done, cases)` is called ten times a second and at the end, in this
-    thread; what it raises, and Ctrl-C, end the batch, with the cases that are done as `error.result`.
+    `carom.simulate`; those of `[record]` are refused. `threads` is by default the number of processors. With `frames` a
+    frame is kept after each so many steps, and of the start, but none of an end that lies between; scenes of a list must
+    have one step then. With `impacts` the tables of all impacts and transitions. `progress(done, cases)` is called ten times
+    a second and at the end, in this thread; what it raises, and Ctrl-C, end the batch, with the cases that are done as
+    `error.result`.
 
     `stop`, as in `carom.simulate`, ends a case with the outcome "stopped" where it returns True or a text: each case asks a
     copy of it, in the thread that computes it, after every `callback_every` steps (by default at about 1000 times). Frames
@@ -61,6 +63,7 @@ def simulate_batch(
     `CaromError`.
     """
     check_function("simulate_batch", "progress", progress, "done, cases: print(done)")
+    refuse_records("simulate_batch", options)
     if parameters is not None and not isinstance(parameters, Mapping):
         raise CaromError(
             f'simulate_batch: parameters must be a table of names and values, as {{"cue.velocity.x": [1.0, 2.0]}},'
@@ -93,6 +96,15 @@ def _threads(given: int | None) -> int:
     if not is_whole(given) or given < 1:
         raise CaromError(f"simulate_batch: threads must be a whole number from 1 on, found {given!r}")
     return given
+
+
+def refuse_records(caller: str, options: Mapping[str, Any]) -> None:
+    """Raise for keys of `[record]`: what a batch keeps is said by arguments of its own."""
+    for key in SINGLE["record"].model_fields:
+        if key in options:
+            frames = key == "every" and caller == "simulate_batch"
+            cure = "frames=10 records every tenth step" if frames else "leave it out"
+            raise CaromError(f"{caller}: {key} does nothing here; {cure}")
 
 
 def _advise(scene: Scene) -> None:

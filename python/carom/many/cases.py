@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from carom.arrays import F64
 from carom.errors import CaromError, ScenarioError, among, did_you_mean, quoted
+from carom.numeric import reals
 from carom.result.kinematics import QUANTITIES
 from carom.scene.assembly.arrays import (
     COHESION,
@@ -26,6 +27,7 @@ from carom.scene.assembly.arrays import (
     without_idle_cohesion,
 )
 from carom.scene.assembly.mechanics import joints_for_core, loads_for_core, numbers
+from carom.scene.assembly.vectors import unit
 from carom.scene.builders.balls import make
 from carom.scene.checks.joint_start import check_start
 from carom.scene.checks.rules import Whole
@@ -79,7 +81,7 @@ class Overrides:
     def _add(self, key: str, given: Values) -> None:
         place, shape = self._place(key)
         try:
-            values = np.array(given, dtype=np.float64)
+            values = reals(given)
         except (TypeError, ValueError) as error:
             raise CaromError(f"{self._caller}: {quoted(key)} must be numbers in SI ({error})") from None
         if values.ndim == 0 or values.shape[1:] != shape:
@@ -207,20 +209,21 @@ class Overrides:
         if touched & {"mass", "radius"}:
             self._inertia(model)
         if "orientation" in touched:
-            q = model["orientation"]
-            length = np.linalg.norm(q, axis=1, keepdims=True)
-            # Of one component that is given the others are to follow.
-            wide = [p.index for p in self._places.values() if p.array == "orientation" and len(p.index) < 2]
-            given = np.zeros(len(q), dtype=bool)
-            for index in wide:
-                given[index] = True
-            if len(wrong := np.flatnonzero(given & ~(np.abs(length[:, 0] - 1.0) <= OFF_UNIT))):
-                ball = quoted(self._scene.names[wrong[0]])
-                raise CaromError(
-                    f"orientation of {ball}: a unit quaternion has length 1, found {length[wrong[0], 0]:.9g}"
-                )
-            model["orientation"] = q / length
+            model["orientation"] = self._turned(model["orientation"])
         return model
+
+    def _turned(self, q: F64) -> F64:
+        """Unit quaternions (N, 4): those that are given whole must be ones, the others follow a component that is given."""
+        whole = np.zeros(len(q), dtype=bool)
+        for place in self._places.values():
+            if place.array == "orientation" and len(place.index) < 2:
+                whole[place.index] = True
+        length = np.linalg.norm(q, axis=1)
+        if len(wrong := np.flatnonzero(np.where(whole, ~(np.abs(length - 1.0) <= OFF_UNIT), length == 0.0))):
+            found = f"{length[wrong[0]]:.9g}"
+            ball = quoted(self._scene.names[wrong[0]])
+            raise CaromError(f"orientation of {ball}: a unit quaternion has length 1, found {found}")
+        return np.array([unit(row) for row in q.tolist()])
 
     def _inertia(self, model: dict[str, Any]) -> None:
         """I / (m r^2) stays, where mass or radius changed and the moment of inertia was not given itself."""
@@ -232,10 +235,15 @@ class Overrides:
         model["inertia"] = np.where(changed, scaled, model["inertia"])
 
     def scene(self, case: int) -> Scene:
-        """One case as a scene of its own: every ball single, every number written down."""
+        """One case as a scene of its own, with every number of its spheres, and of those of generators (up to 10 000)."""
         model, tree = self._laid_over(case), resolved_tree(self._scene._tree)
-        if tree.inflow or len(tree.sphere) + len(self._parts) != len(self._names):
-            raise CaromError("a case with inflows, or of more than 10 000 balls, is no scene of single balls")
+        for key, place in self._places.items():
+            last = place.index[0] if place.index else len(self._names) - 1
+            if place.array in WIDTHS and last >= len(tree.sphere):
+                cure = "make a scene for each case, or give the file [parameters]"
+                raise CaromError(
+                    f"{quoted(key)}: {quoted(self._scene.names[last])} is no sphere of a scene; {cure}"
+                )
         spheres = [
             sphere.model_copy(
                 update={

@@ -14,6 +14,7 @@ from carom._core import Expression, ExpressionError
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.many.quantity import QUANTITIES, Quantity, States
+from carom.numeric import reals
 
 if TYPE_CHECKING:
     from carom._core import Expression
@@ -163,7 +164,7 @@ class Formulas:
     def _shaped(self, given: ArrayLike, spheres: int, components: int, name: str) -> F64:
         """The values of a quantity at one time, (spheres, components)."""
         try:
-            value = np.asarray(given, dtype=np.float64)
+            value = reals(given)
         except (TypeError, ValueError):
             raise CaromError(
                 f"the {self.told} gives {name} = {given!r}, which is no array of numbers"

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
+from carom.numeric import masked
 from carom.problem.errors import refuse
 
 #: Of how many dimensions an array is.
@@ -17,13 +18,12 @@ def reals(values: Any, name: str, *dimensions: int) -> F64:
     """A copy of an array of real numbers in one of so many `dimensions`, or an error that says what is wrong."""
     try:
         array = np.asarray(values)
-        masked = np.ma.is_masked(np.ma.asarray(values))  # also in a list of arrays
     except ValueError as error:
         raise refuse(name, "its rows differ in length", "give real numbers, as an array") from error
     if array.ndim not in dimensions or array.dtype.kind not in "fiub":
         cause = f"an array of {array.ndim} dimensions and type {array.dtype}"
         raise refuse(name, cause, f"give real numbers, in {' or '.join(WORDS[n] for n in dimensions)}")
-    if masked:
+    if masked(values):
         raise refuse(name, "some of its numbers are masked", "all numbers must be there")
     return np.array(array, dtype=np.float64)
 

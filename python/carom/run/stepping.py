@@ -15,7 +15,7 @@ import numpy as np
 from carom import _core
 from carom.arrays import Array
 from carom.errors import CaromError, CaromWarning, did_you_mean
-from carom.numeric import is_whole
+from carom.numeric import is_whole, masked
 from carom.result.directory import now
 from carom.result.record import Memory
 from carom.run.launch import Run
@@ -95,14 +95,6 @@ def _rows(key: str, value: object, like: Array) -> Array:
         found = f"{array.dtype} {shape}" if shape else type(value).__name__
     wanted = ", ".join(["n", *map(str, like.shape[1:])])
     raise CaromError(f"restore: {key} must be an array of {like.dtype} ({wanted}), found {found}")
-
-
-def _masked(value: object) -> bool:
-    """Whether numbers are masked, also in a list of arrays."""
-    try:
-        return bool(np.ma.is_masked(np.ma.asarray(value)))
-    except ValueError:  # rows of unlike lengths, which `_rows` names
-        return False
 
 
 def _refuse_too_fast(key: str, motion: Array, unit: str) -> None:
@@ -246,8 +238,8 @@ class Simulation(State):
             cure = did_you_mean(unknown[0], list(self._known))
             raise CaromError(f"restore: a state of this scene has no {', '.join(unknown)}; {cure}")
         kept = dict(state)
-        if masked := next((key for key, value in kept.items() if _masked(value)), None):
-            raise CaromError(f"restore: {masked} has masked numbers, which are none; fill them")
+        if holes := next((key for key, value in kept.items() if masked(value)), None):
+            raise CaromError(f"restore: {holes} has masked numbers, which are none; fill them")
         if "step" in kept:
             kept["step"] = _whole(kept["step"])
         # A state of version 0.2.0 does not say where it is from.

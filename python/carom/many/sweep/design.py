@@ -13,7 +13,7 @@ import numpy as np
 from carom import units
 from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean, extra, nearest
-from carom.numeric import is_finite
+from carom.numeric import is_finite, masked
 from carom.scene.tables.laws import parse
 from carom.scene.toml.formulas import blank, is_formula
 
@@ -46,6 +46,10 @@ class Axis:
             given = {"low": given[0], "high": given[1]}
         if isinstance(given, Mapping):
             return cls._of_table(name, dict(given))
+        if masked(given):
+            raise CaromError(
+                f"parameters.{name}: some of the values are masked; fill them, or leave them out"
+            )
         values = np.atleast_1d(np.asarray(given, dtype=object)).tolist()
         return cls(name, _numbers(name, values), quantity=with_unit(values))
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.scene.assembly.vectors import cross, dot, scaled
+from carom.scene.assembly.vectors import cross, dot, scaled, unit
 from carom.scene.tables.balls import Ball, Lattice, Rack, Sphere
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import Clump
@@ -131,7 +131,7 @@ def expand(entries: Entries, materials: Sequence[str]) -> Bodies:
     orientation = np.zeros((total, 4))
     orientation[:, 0] = 1.0
     spin[:n] = np.array([s.angular_velocity for _, s in spheres], dtype=float).reshape(n, 3)
-    orientation[:n] = np.array([scaled(s.orientation) for _, s in spheres], dtype=float).reshape(n, 4)
+    orientation[:n] = np.array([unit(s.orientation) for _, s in spheres], dtype=float).reshape(n, 4)
     tables = {section: dict(entries.get(section, ())) for section in ("clump", "inflow")}
     for segment in segments:
         if segment.each:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 
 Vec = Sequence[float]
+#: By which the length of what has been divided by its length may differ from 1.
+ROUNDING = 4.0 * sys.float_info.epsilon
 
 
 def norm(a: Vec) -> float:
@@ -19,6 +22,11 @@ def scaled(a: Vec) -> tuple[float, ...]:
     b = [x / largest for x in a]  # a denormal length would lose digits
     length = math.hypot(*b)
     return tuple(x / length for x in b)
+
+
+def unit(q: Vec) -> tuple[float, ...]:
+    """`q` divided by its length; as it is where that is 1 but for rounding, so that done twice it has the same bits."""
+    return tuple(q) if abs(norm(q) - 1.0) <= ROUNDING else scaled(q)
 
 
 def cross(a: Vec, b: Vec) -> tuple[float, float, float]:

@@ -16,7 +16,7 @@ from carom.arrays import F64
 from carom.scene.assembly.principal import Six, Vec3, fault, principal, six
 from carom.scene.assembly.rotations import product, rotated
 from carom.scene.assembly.union import union
-from carom.scene.assembly.vectors import scaled
+from carom.scene.assembly.vectors import scaled, unit
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import exactly_one, refuse
 from carom.scene.tables.lists import BallPlace, Quaternion, Tensor, Vectors
@@ -145,7 +145,7 @@ class Clump(Table):
 
     def turn(self) -> F64:
         """Unit quaternion (4,), w first, from own to fixed axes at the start."""
-        return np.array(scaled(self.orientation))
+        return np.array(unit(self.orientation))
 
     def middle(self) -> F64:
         """Centre of mass at the start, (3,), m."""

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import model_validator
 
 from carom.arrays import F64
-from carom.scene.assembly.vectors import scaled
+from carom.scene.assembly.vectors import scaled, unit
 from carom.scene.packing import Sizes, Stream
 from carom.scene.packing.sizes import Rare
 from carom.scene.tables.balls import MOST_BALLS, not_too_many, volume
@@ -201,7 +201,7 @@ class Inflow(Sized, _Kind):
             return None
         given = {key: getattr(self, key) for key in ("name", "material", "spheres", "mass", "density")}
         clump = Clump.model_construct(**given, position=ZEROS, inertia=None, centre=None)
-        turn = np.array(scaled(self.orientation or (1.0, 0.0, 0.0, 0.0)))
+        turn = np.array(unit(self.orientation or (1.0, 0.0, 0.0, 0.0)))
         return clump.placed(np.array(self.region.centre()), turn).called(self.name, self.first_number)
 
     def clumps(self) -> list[Clump]:

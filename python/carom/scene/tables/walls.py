@@ -15,7 +15,7 @@ from carom.errors import quoted
 from carom.scene.assembly import mesh_files
 from carom.scene.assembly.rotations import rotated
 from carom.scene.assembly.triangles import Triangles
-from carom.scene.assembly.vectors import cross, dot, norm, scaled
+from carom.scene.assembly.vectors import cross, dot, norm, scaled, unit
 from carom.scene.tables.base import Table
 from carom.scene.tables.fields import (
     POSITIVE,
@@ -349,7 +349,7 @@ class Mesh(Wall):
         at = "file" if self.file is not None else "triangles"
         try:
             made = self._surface()
-            placed = rotated(np.array(self.orientation) / norm(self.orientation), self.scale * made.vertices)
+            placed = rotated(np.array(unit(self.orientation)), self.scale * made.vertices)
             placed += np.array(self.point)
             self._placed = Triangles(placed, made.corners)
         except PydanticCustomError as error:
