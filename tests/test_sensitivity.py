@@ -126,6 +126,28 @@ def test_the_error_covers_what_steps_still_differ_by() -> None:
     assert 1e-4 < off <= found.error[0] < 1e-2
 
 
+def test_differences_without_a_limit_are_no_derivative() -> None:
+    """Rolling resistance turns a small spin across the way by a power of it, here of a hundredth or so more than one. Its
+    derivative is 0, and no difference comes near it. A number was given, as large as its error.
+    """
+
+    def slide(rolling: float) -> carom.Scene:
+        scene = carom.Scene("slide", gravity=(0, 0, -G), run={"method": "events", "until": 0.4, "step": 1e-3})
+        scene.contact("b", "c", friction=0.2, restitution=0.5, rolling_radius=rolling)
+        scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="c")
+        scene.sphere("a", radius=0.0286, mass=0.17, at=(0, 0, 0.0286), velocity=(2, 0, 0), material="b")
+        return scene
+
+    steps = np.array([1e-3, 1e-4, 1e-5, 1e-6])
+    y = carom.simulate_batch(slide(1e-4), {"a.angular_velocity.x": steps}).position[:, 0, 1] / steps
+    fall = y[1:] / y[:-1]
+    assert np.ptp(fall) < 1e-3
+    assert 0.9 < fall[0] < 0.99
+    with pytest.raises(carom.CaromError, match=r"no derivative by .* = 0; its differences go on changing"):
+        carom.sensitivity(slide(1e-4), ["a.angular_velocity.x"])
+    assert carom.sensitivity(slide(0.0), ["a.angular_velocity.x"]).error[0] < 1e-8
+
+
 def test_a_function_of_a_shot() -> None:
     def draw(height: float) -> carom.Scene:
         scene = shot(0.6, speed=0.0)

@@ -24,7 +24,7 @@ from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, quoted
 from carom.many import moved
 from carom.many.absent import there_only
-from carom.many.batch import simulate_batch
+from carom.many.batch import refuse_records, simulate_batch
 from carom.many.batch_result import Batch
 from carom.many.cases import Overrides
 from carom.many.quantity import USUAL
@@ -45,6 +45,8 @@ PLACES = (1.0, -1.0, 0.5, -0.5)
 ENOUGH = 1e-10
 #: Error over the least one (1) up to which a step has to find what that one does. Larger steps may reach over a kink.
 ALIKE = 10.0
+#: Share of the change before that the next one must exceed to go on; those that fall by less than the second never end.
+STEADY, SLOWEST = 0.5, 0.05
 ROUNDING = 4.0 * 3.0 * float(np.finfo(float).eps)
 """Four times that of the four ends, in the weights of the differences: (4 * 2 + 1)/3. Times of impacts are rounded, too."""
 OTHER = "other events follow: a hit grazes, two happen at one time, or a ball that lies still begins to move"
@@ -103,11 +105,12 @@ def sensitivity(
     the longest one up to that of the scene that divides it. Balls that left have NaN, and are `gone`.
 
     Raises `CaromError` where there is no derivative: where the events that follow depend on the smallest change, as at a
-    grazing hit; where an input moves bodies apart that touch at the start; and where balls press one another, so that steps
-    are made.
+    grazing hit; where differences have no limit, as by a spin of 0 under rolling resistance; where an input moves bodies
+    apart that touch at the start; where balls press one another, so that steps are made.
     """
     if not to:
         raise CaromError('sensitivity: to names no input; name some, as ["cue.velocity.x"]')
+    refuse_records("sensitivity", options)
     if (method := options.get("method", "events")) != "events":
         raise CaromError(f"sensitivity: method must be events, whose motions are exact, found {method!r}")
     runs = (
@@ -296,12 +299,31 @@ def _derivative(run: Run, name: str, value: float, events: Events) -> tuple[dict
     if not tried:
         raise CaromError(f"sensitivity: no derivative by {quoted(name)} = {value:g}; {why}")
     off, best, sizes = min(tried, key=lambda one: one[0])
-    least = off
-    for other, found, _ in tried:
-        if other <= ALIKE * least:
-            apart = (_largest(best[q] - found[q]) / sizes[q] for q in QUANTITIES if sizes[q])
-            off = max(off, max(apart, default=0.0) - other)
+    alike = [(other, found) for other, found, _ in tried if other <= ALIKE * off]
+    larger = alike[: 1 + [found is best for _, found in alike].index(True)]  # smaller ones are of rounding
+    if any(_goes_on([found[q] for _, found in larger]) for q in QUANTITIES):
+        raise CaromError(
+            f"sensitivity: no derivative by {quoted(name)} = {value:g}; its differences go on changing with their step, so"
+            " that no limit is seen, as about a spin of 0 under rolling resistance"
+        )
+    for other, found in alike:
+        apart = (_largest(best[q] - found[q]) / sizes[q] for q in QUANTITIES if sizes[q])
+        off = max(off, max(apart, default=0.0) - other)
     return best, off
+
+
+def _goes_on(found: Sequence[F64]) -> bool:
+    """Whether differences over ever smaller steps go on changing by more than half of what they are.
+
+    What is left of changes that fall by the same factor each time is the last one over what that lacks to 1.
+    """
+    x = np.nan_to_num(np.array(found)).reshape(len(found), -1)
+    changes = np.diff(x, axis=0)
+    along, size = (changes[1:] * changes[:-1]).sum(axis=1), (changes[:-1] ** 2).sum(axis=1)
+    if len(changes) < 3 or (along <= STEADY * size).any():
+        return False
+    left = np.linalg.norm(changes[-1]) / max(SLOWEST, 1.0 - along[-1] / size[-1])
+    return bool(left > 0.5 * np.linalg.norm(x[-1]))
 
 
 def _largest(x: F64) -> float:
