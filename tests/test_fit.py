@@ -125,6 +125,21 @@ class TestWhatTheDataDoNotTell:
         assert found.best["e"] == pytest.approx(0.8, abs=1e-5)
         assert found.remarks == ["the data do not determine mu within its bounds"]
 
+    @pytest.mark.parametrize("points", [1, 2, 4])
+    def test_a_search_that_is_cut_short_says_nothing_of_model_and_data(self, points: int, free: Path) -> None:
+        """Far from the best value chi squared is large: it was held against the model, and the parameter for unknown."""
+        found = fitted(free, {"v": (0.5, 1.5)}, [end(0.029, 1e-3)], points=points)
+        assert not found.converged
+        assert len(found.remarks) == 1
+        assert found.remarks[0].startswith(
+            f"the search has not converged: the search ended after its {points} point"
+        )
+        assert found.interval == {"v": None}
+        assert found.summary["widened"] == 1.0
+        whole = fitted(free, {"v": (0.5, 1.5)}, [end(0.029, 1e-3)])
+        assert whole.converged
+        assert whole.interval["v"] is not None
+
     def test_results_without_any_slope_end_the_search(self, free: Path) -> None:
         """SciPy divided by the slope: zero."""
         found = fitted(free, {"p": (0.0, 1.0)}, [end(0.03, 1e-3)], set={"cue.velocity.x": "= 1 + 0*p"})

@@ -135,9 +135,9 @@ WRONG: dict[str, tuple[dict[str, Any], list[dict[str, Any]], dict[str, Any], str
     "uncertainty 0": (V, [end(0.02, 0.0)], {}, "uncertainty must be above 0"),
     "unknown key": (V, [{**end(0.02, 1e-4), "sigma": 1}], {}, "target 1: unknown key sigma"),
     "no quantity": (V, [{"value": 1.0, "uncertainty": 1.0}], {}, "write quantity = "),
-    "unknown measure": (V, [{**end(1, 1), "quantity": "angle"}], {}, r"target 1: no quantity is called 'angle' without"),
+    "unknown measure": (V, [{**end(1, 1), "quantity": "energy"}], {}, r"without .*\); did you mean energy_final\?$"),
     "unknown ball": (V, [{**CURVE, "quantity": "que.position.x"}], {}, "no ball is called 'que'; did you mean cue"),
-    "wrong unit": (V, [{**end(0.02, 1e-4), "value": "20 ms"}], {}, r"target 1\.value: expected a length"),
+    "wrong unit": (V, [{**end(0.02, 1e-4), "value": "20 ms"}], {}, r'1\.value: expected a length, found "20 ms", a time'),
     "no number": (V, [{**end(0.02, 1e-4), "value": "x mm"}], {}, r"target 1\.value: .*NUMBER UNIT"),
     "lengths differ": (V, [{**CURVE, "time": [0.0]}], {}, "2 values need time"),
     "times twice": (V, [{**CURVE, "time": [0.01, 0.01]}], {}, "each once"),
@@ -216,7 +216,7 @@ def test_a_mistake_is_named_with_its_place_and_cure(name: str, free: Path) -> No
         ("time,x\n0,1\n1,2,5\n", "row 3: 3 values for 2 columns between commas"),
         ("seconds,x\n0,1\n1,2\n", 'has no column "time"'),
         ("time,x (furlong)\n0,1\n1,2\n", 'column x: unknown unit "furlong"'),
-        ("time,x (s)\n0,1\n1,2\n", "expected a length"),
+        ("time,x (s)\n0,1\n1,2\n", 'expected a unit of a length, found "s", a time'),
     ],
 )
 def test_a_wrong_file_is_named(text: str, words: str, free: Path) -> None:

@@ -150,9 +150,9 @@ def parse(text: str, dimension: str | None = None, like: str | None = None) -> f
         raise UnitError(f"{quoted(text)} is text without a unit", f"remove the quotes, or {cure}")
     factor, pi, found = _parse_unit(unit.translate(_ASCII), cure, wanted)
     if wanted and found != wanted:
-        is_a = f", {_article(name)}" if (name := _called(found)) else ""
-        what = f"a quantity like {quoted(like)}" if like else _article(dimension or "")
-        raise UnitError(f"expected {what}, found {quoted(text)}{is_a}", cure)
+        raise _other(
+            f"a quantity like {quoted(like)}" if like else _article(dimension or ""), text, found, cure
+        )
     if exponent is not None and abs(int(exponent)) > 400:
         return float(digits)  # 0 or infinite (refused by the caller); a fraction of that size would not end
     try:
@@ -162,10 +162,20 @@ def parse(text: str, dimension: str | None = None, like: str | None = None) -> f
     return value * math.pi**pi if pi else value
 
 
-def factor(unit: str) -> float:
-    """What one `unit` of any dimension is in SI; no text is 1."""
-    value, pi, _ = _parse_unit(unit.translate(_ASCII), "write SI units")
+def factor(unit: str, dimension: str | None = None) -> float:
+    """What one `unit` is in SI, of the dimension named if one is; no text is 1."""
+    wanted = DIMENSIONS[dimension][0] if dimension else None
+    cure = f"write {expected(dimension)}" if dimension else "write SI units"
+    value, pi, found = _parse_unit(unit.translate(_ASCII), cure, wanted)
+    if wanted and found != wanted:
+        raise _other(f"a unit of {_article(dimension or '')}", unit, found, cure)
     return float(value) * math.pi**pi
+
+
+def _other(what: str, text: str, found: Dimension, cure: str) -> UnitError:
+    """Of a text that is of another dimension than `what` was expected."""
+    is_a = f", {_article(name)}" if (name := _called(found)) else ""
+    return UnitError(f"expected {what}, found {quoted(text)}{is_a}", cure)
 
 
 def is_quantity(text: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from carom.arrays import F64
 from carom.errors import CaromError, counted, did_you_mean, quoted
 from carom.many.sweep.study import Measure, identity_of
 from carom.many.sweep.table_file import read_table
-from carom.numeric import is_finite
+from carom.numeric import is_finite, reals
 from carom.result.kinematics import QUANTITIES
 from carom.run.result import Result
 
@@ -116,7 +116,7 @@ class Measured:
 
 def _curve(result: Result, quantity: str, given: Mapping[str, Any]) -> tuple[F64, F64]:
     if quantity in given:
-        t, values = (np.asarray(part, dtype=float) for part in given[quantity])
+        t, values = (reals(part) for part in given[quantity])
         return t, values
     place = moving(quantity)
     if place is None:
@@ -192,7 +192,7 @@ def _of_file(place: str, given: Mapping[str, Any], path: Path) -> list[Target]:
         numbers, own = table[name]
         unit = next((u for u in (own, given.get(key), beside) if u is not None), None)
         return np.array(numbers) * (
-            1.0 if not unit else _factor(f"{place}: {path}, column {name}", unit, quantity)
+            1.0 if not unit else _read(f"{place}: {path}, column {name}", units.factor, unit, quantity)
         )
 
     sigma = given["uncertainty"]
@@ -264,13 +264,9 @@ def _si(place: str, given: Any, quantity: str | None) -> tuple[float, ...]:
     found = []
     for value in given if isinstance(given, (list, tuple, np.ndarray)) else [given]:
         if isinstance(value, str):
-            number, _, unit = value.strip().partition(" ")
-            try:
-                value = float(number) * _factor(place, unit, quantity)
-            except ValueError as error:
-                if isinstance(error, CaromError):
-                    raise
-                raise CaromError(f'{place}: {quoted(value)} is no "NUMBER UNIT" and no column') from error
+            if units.after_the_number(value) is None:
+                raise CaromError(f'{place}: {quoted(value)} is no "NUMBER UNIT" and no column')
+            value = _read(place, units.parse, value, quantity)
         if not is_finite(value):
             raise CaromError(f"{place}: expected a finite number in SI units, found {quoted(value)}")
         found.append(float(value))
@@ -279,12 +275,11 @@ def _si(place: str, given: Any, quantity: str | None) -> tuple[float, ...]:
     return tuple(found)
 
 
-def _factor(place: str, unit: str, quantity: str | None) -> float:
-    """One `unit` in SI. That of a ball's quantity must have its dimension, and that of a time be one of time."""
-    known = moving(quantity) if quantity is not None else ("", "time", "")
+def _read(place: str, reader: Callable[[str, str | None], float], text: str, quantity: str | None) -> float:
+    """What a reader of units makes of a text. That of a ball's quantity must have its dimension, a time that of time."""
+    known = moving(quantity) if quantity is not None else None
+    dimension = "time" if quantity is None else DIMENSIONS.get(known[1]) if known else None
     try:
-        if known is None or known[1] not in (*DIMENSIONS, "time"):
-            return units.factor(unit)
-        return units.parse(f"1 {unit}", DIMENSIONS.get(known[1], "time"))
+        return reader(text, dimension)
     except units.UnitError as error:
         raise CaromError(f"{place}: {error}") from error

@@ -59,10 +59,19 @@ def _deviations(confidence: float) -> float:
     return float(stats.norm.ppf(0.5 + confidence / 2))
 
 
-def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float, jumps: bool = False) -> Told:
+def told(
+    jacobian: F64,
+    residuals: F64,
+    noise: F64,
+    shares: F64,
+    floor: float,
+    jumps: bool = False,
+    settled: bool = True,
+) -> Told:
     """From the slopes (data, parameters), residuals and noise of the runs (data,) over the uncertainties.
 
-    With `jumps` it is the results that jump by the `floor`, which is no fault of the data.
+    With `jumps` it is the results that jump by the `floor`, which is no fault of the data. Where the search has not
+    `settled`, chi squared says nothing of the model, nor has a parameter an interval that it would still leave.
     """
     stats = extra("scipy.stats", "a fit needs scipy", "fit")
     n = len(shares)
@@ -78,7 +87,7 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float, j
     # Where nothing is left over chi squared should vanish: that of one datum bounds how far a search may be off.
     expected = max(1, freedom)
     likelihood = float(stats.chi2.sf(chi2, expected))
-    widened = float(np.sqrt(chi2 / expected)) if likelihood < UNLIKELY else 1.0
+    widened = float(np.sqrt(chi2 / expected)) if settled and likelihood < UNLIKELY else 1.0
     wide = _deviations(CONFIDENCE) * widened
     half, correlation, inverse = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros((n, len(residuals)))
     hidden, directions, unclear = np.zeros(n, dtype=bool), [], []
@@ -96,7 +105,8 @@ def told(jacobian: F64, residuals: F64, noise: F64, shares: F64, floor: float, j
         hazy = ~seen & (s + floor > 2 * wide) & jumps
         directions = _groups(free, v[weak & ~hazy])
         unclear = _groups(free, v[hazy])
-        half[free] = np.where(hidden[free], np.nan, wide * sigma)
+        leaves = np.abs(step[free]) > (np.inf if settled else wide * sigma)
+        half[free] = np.where(hidden[free] | leaves, np.nan, wide * sigma)
         known = np.where(hidden[free] | (sigma == 0), np.nan, sigma)
         correlation[np.ix_(free, free)] = covariance / np.outer(known, known)
     inverse[hidden] = np.nan

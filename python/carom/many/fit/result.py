@@ -69,7 +69,9 @@ class Fit:
         self._residuals = points.residuals[found.best]
         noise = points.scatter if found.noise is None else found.noise
         here, slopes = points.shares[found.best], found.slopes
-        self._told = told(slopes.jacobian, self._residuals, noise, here, slopes.floor, bool(slopes.jumps))
+        self._told = told(
+            slopes.jacobian, self._residuals, noise, here, slopes.floor, bool(slopes.jumps), self.converged
+        )
         self._shift = shift(points, found.best, self._told)
 
     @property

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from carom.arrays import F64
-from carom.errors import extra
+from carom.errors import counted, extra
 from carom.many.fit.calibration import STEP
 from carom.many.fit.points import Exhausted, Points
 from carom.many.fit.process import Process
@@ -125,7 +125,8 @@ def _again(points: Points, found: Found) -> Found:
 
 
 def _out_of_points(points: Points) -> str:
-    return f"the search ended after its {points.calibration.points} points; raise search.points"
+    most = counted(points.calibration.points, "point")
+    return f"the search ended after its {most}; raise search.points"
 
 
 def _ended(points: Points, best: int, converged: bool, message: str, steps: F64) -> Found:
