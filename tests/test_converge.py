@@ -254,7 +254,7 @@ def test_a_run_that_stops_leaves_its_error_open() -> None:
         ({"steps": [1e-3, 0.0]}, "above 0"),
         ({"steps": [1e-3, 1.0]}, "longer than the whole"),
         ({"reference": 3e-4}, "must divide every step"),
-        ({"reference": 1e-3}, "must divide every step"),
+        ({"reference": 1e-3}, "must be finer than all steps, the finest of which is"),
         ({"reference": object()}, "reference must be"),
         ({"reference": "absent"}, "no such run"),
         ({"reference": "absent.toml"}, "absent.toml: No such file"),
@@ -390,6 +390,11 @@ def test_command_refuses_what_it_cannot_do(scenario: str) -> None:
         (["--steps", "1e-3,x", "--reference", "1e-4"], "not a number"),
         (["--steps", "1e-3,5e-4", "--reference", "1e-4", "--plot", "a.gif"], "ends in .png"),
         (["--steps", "1e-3,5e-4", "--reference", "3e-4"], "must divide"),
+        (
+            ["--steps", "1e-3,5e-4", "--reference", "5e-4"],
+            "must be finer than all steps, the finest of which is 0.0005 s",
+        ),
+        (["--steps", "1e-3,5e-4", "--reference", "0.1 m"], 'expected a time, found "0.1 m", a length'),
         (["--steps", "1e-3,5e-4", "--reference", "1e-4", "--set", "run.step=1e-3"], "those of --steps"),
         (["--steps", "1e-3,5e-4"], "--reference"),
     ):

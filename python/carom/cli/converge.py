@@ -21,6 +21,7 @@ from carom.cli.options import (
     refuse_figure,
     scene,
     settings,
+    time,
     times,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
@@ -31,13 +32,14 @@ from carom.many.sheets import of_convergence
 @guarded
 def converge(
     scenario: Scenario,
-    steps: Annotated[str, option("--steps", "H,H,...", "Step sizes, s.", show_default=False)],
+    steps: Annotated[str, option("--steps", "H,H,...", "Step sizes, s or with units.", show_default=False)],
     reference: Annotated[
         str,
         option(
             "--reference",
             "REF",
-            "Exact solution: a finer step (s), the method events, a run directory, or a TOML file with formulas of t.",
+            "Exact solution: a finer step (s or with a unit), the method events, a run directory, or a TOML file with"
+            " formulas of t.",
             show_default=False,
         ),
     ],
@@ -82,12 +84,15 @@ def converge(
     """
     from carom.many.converge import converge as study_of
     from carom.show.plot.convergence import convergence
+    from carom.units import is_quantity
 
     if "step" in settings(set_ or []):
         raise typer.BadParameter("--set step: the steps are those of --steps; leave it out")
     described = scene(scenario, case, set_, until)
     refuse_figure(plot, force)
     fine = number(reference)
+    if is_quantity(reference) and not Path(reference).exists():
+        fine = time("--reference", reference)
     with keeping("nothing is kept of the runs so far"):
         found = study_of(
             described,

@@ -278,10 +278,14 @@ def _exact(scene: Scene, instants: Mapping[float, I64]) -> Frames:
 
 def _shared(h: float, instants: Mapping[float, I64]) -> I64:
     """Steps of size `h` at which some run of the study has an instant."""
+    if h > (finest := min(instants)) * (1 - 1e-9):
+        raise CaromError(
+            f"the reference step {h:g} s must be finer than all steps, the finest of which is {finest:g} s"
+        )
     numbers = []
     for coarse, own in instants.items():
         ratio = round(coarse / h)
-        if ratio < 2 or abs(ratio * h - coarse) > 1e-9 * coarse:
+        if abs(ratio * h - coarse) > 1e-9 * coarse:
             raise CaromError(
                 f"the reference step {h:g} s must divide every step, and {coarse:g} s is not a multiple of it;"
                 " take steps and reference from one row, as 1e-2,5e-3,2e-3 and 1e-4"
