@@ -134,6 +134,15 @@ def test_the_reference_lists_every_public_name(module: str) -> None:
     assert set(import_module(module).__all__) - UNLISTED <= listed
 
 
+def test_every_name_of_the_reference_is_there_as_it_is_written() -> None:
+    page = (DOCS / "reference" / "api.md").read_text("utf-8")
+    for name in re.findall(r"^\.\. auto\w+:: (\S+)", page, re.M):
+        found, path = carom, "carom"
+        for part in name.removeprefix("carom.").split("."):
+            path = f"{path}.{part}"
+            found = getattr(found, part, None) or import_module(path)
+
+
 def test_what_the_reference_calls_a_module_of_carom_is_one() -> None:
     page = (DOCS / "reference" / "api.md").read_text("utf-8").split("## Simulate")[0]
     for name in re.findall(r"`carom\.([a-z]+)`", page):

@@ -35,12 +35,12 @@ from carom.audit.block import blocks
 from carom.audit.data import Run, read
 from carom.audit.near import near
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
-from carom.audit.rerun import rerun
+from carom.audit.rerun import Rerun, rerun
 from carom.errors import CaromError
 from carom.result.remarks import remarks
 from carom.run.result import Result
 
-__all__ = ["Finding", "Place", "Report", "Unjudged", "Verdict", "check", "rerun"]
+__all__ = ["Finding", "Place", "Report", "Rerun", "Unjudged", "Verdict", "check", "rerun"]
 
 
 def check(run: Result | str | Path) -> Report:
