@@ -283,7 +283,7 @@ def test_a_table_without_a_title_is_headed_by_the_name_of_the_file(tmp_path: Pat
 
 def test_all_methods_that_cannot_take_a_scene_are_named_at_once() -> None:
     path = SCENARIOS / "paper" / "5.1_torque.toml"
-    told = "penalty: option method penalty knows no joints; events: option method events does not know .*; compare nsga, "
+    told = "penalty: method penalty knows no joints; events: method events does not know .*; compare nsga, "
     with pytest.raises(carom.CaromError, match=told):
         carom.compare(path, ("nsga", "penalty", "events"), until=0.01)
     with pytest.raises(carom.CaromError, match=r"^option method penalty knows no joints; choose nsga"):
@@ -294,11 +294,14 @@ def test_methods_that_know_no_clumps_are_left_out() -> None:
     scene = carom.Scene("clump", run={"until": 0.01, "step": 1e-3})
     scene.contact("m", "m", friction=0.3, restitution=0.5)
     scene.clump("c", spheres=[[0, 0, 0, 0.02], [0.03, 0, 0, 0.02]], density=1000, material="m", at=(0, 0, 1))
-    found = carom.compare(scene)
-    assert [run.name for run in found] == ["nsga"]
-    assert "moreau is left out: compare: method: clumps need method nsga, found moreau" in found.remarks
+    told = "nothing is left to compare nsga with: moreau: clumps need method nsga, found moreau; moreau+projection: "
+    with pytest.raises(carom.CaromError, match=f"^{re.escape(told)}"):
+        carom.compare(scene)
+    alone = carom.compare(scene, "nsga")
+    assert "off nsga" not in str(alone)
+    assert not alone.remarks
     laws = carom.compare(scene, laws="all")
-    cause = "compare: impact: clumps need another impact law than sequence-paper"
+    cause = "clumps need another impact law than sequence-paper"
     assert laws.remarks == (f"nsga+sequence-paper is left out: {cause}",)
     assert len(laws) == len(LAWS) - 1
     with pytest.raises(carom.CaromError, match=cause):  # it was named

@@ -20,7 +20,7 @@ import numpy as np
 import carom
 from carom import _core
 from carom.arrays import F64
-from carom.errors import CaromError, CaromWarning, did_you_mean
+from carom.errors import CaromError, CaromWarning, ScenarioError, did_you_mean
 from carom.files import inside
 from carom.many.absent import absent_at, there_only, told
 from carom.many.impulses import growing, half
@@ -238,16 +238,27 @@ def _able(
     first = next(iter(refused.values()), None)
     if first and (len(refused) == 1 if named else not able):
         raise first
-    causes = {name: str(error).partition("; ")[0] for name, error in refused.items()}
+    causes = {name: _cause(error) for name, error in refused.items()}
     if refused and named:
         why = "; ".join(f"{name}: {cause}" for name, cause in causes.items())
         cure = (
             f"compare {', '.join(able)}, which can take the scene" if able else str(first).partition("; ")[2]
         )
         raise CaromError(f"{why}; {cure}")
+    if causes and len(able) == 1:
+        why = "; ".join(f"{name}: {cause}" for name, cause in causes.items())
+        cure = 'compare its impact laws, with laws="all" or --laws all'
+        raise CaromError(f"nothing is left to compare {next(iter(able))} with: {why}; {cure}")
     remarks = tuple(f"{name} is left out: {cause}" for name, cause in causes.items())
     told = [a if len(of) == len(able) else f"{', '.join(of)}: {a}" for a, of in advice.items()]
     return able, remarks, told
+
+
+def _cause(error: CaromError) -> str:
+    """Why a method cannot take a scene, without the place, which is the method itself, and without a cure."""
+    if isinstance(error, ScenarioError) and (first := error.problems[0]).where == "compare":
+        return first.cause
+    return str(error).partition("; ")[0].removeprefix("option ")
 
 
 def method_options(name: str) -> dict[str, Any]:
@@ -353,7 +364,7 @@ def compare(
         runs.append(run)
         result.close()
     times, bodies = tuple(n * h for n in wanted), tuple(scene.names)
-    remarks += told(times, bodies, absent)
+    remarks += told(times, bodies, absent) if len(runs) > 1 else ()
     return Comparison(
         scene.title, h, times, bodies, tuple(runs), scene.case, laws is not None, remarks, still
     )

@@ -81,12 +81,12 @@ def of_comparison(found: Comparison, untitled: str = "comparison") -> Sheet:
         rows.append([f"velocities at {found.times[-1]:g} s, {along} (m/s)"])
         for k, name in enumerate(found.bodies[:MOST_BODIES]):
             row(f"  {name}", lambda r, k=k: _numbers(r.states["velocity"][-1][k, axes]))  # type: ignore[misc]
-    for time in found.times:
+    for time in found.times if len(runs) > 1 else ():
         heading = [f"off {runs[0].name} at {time:g} s, greatest, and relative"]
         rows.append(heading)
         for quantity, (_, unit) in QUANTITIES.items():
             row(f"  {quantity.replace('_', ' ')} ({unit})", lambda r, q=quantity, t=time: _off(r, q, t))  # type: ignore[misc]
-        if rows[-1] is heading and len(runs) > 1:
+        if rows[-1] is heading:
             heading[0] = f"at {time:g} s no ball is there in all runs; take an earlier time with at"
     title = titled(found.title or untitled, found.case)
     return Sheet(
