@@ -584,6 +584,35 @@ def test_a_whole_run_of_the_break_is_small(runs: Path) -> None:
     assert int(done.stderr.split("VmHWM:")[-1].split()[0]) < 150_000, done.stderr  # kB
 
 
+@pytest.mark.skipif(os.name != "posix", reason="processes end by signals elsewhere in other ways")
+@pytest.mark.parametrize(
+    ("at_the_end", "code"),
+    [
+        ("atexit.register(os.kill, os.getpid(), signal.SIGINT)", 0),  # while Python ends
+        (
+            "threading.Thread(target=lambda: (time.sleep(0.5), os.kill(os.getpid(), signal.SIGINT))).start()",
+            0,
+        ),
+        # In what makes a dataclass, as at the import of a command: Python remembers that after -m, and ended itself.
+        ("app.app = interrupted", 130),
+    ],
+)
+def test_a_signal_at_the_very_end_leaves_the_exit_code(at_the_end: str, code: int, tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(f"""import atexit, os, signal, sys, threading, time
+import carom.cli.app as app
+def interrupted(**_):
+    exec("raise KeyboardInterrupt")
+sys.argv = ["carom", "--version"]
+{at_the_end}
+from carom.cli import main
+main()
+""")
+    command = [sys.executable, "-m", "program"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == code, done.stderr
+    assert done.stderr == ""
+
+
 def test_durations() -> None:
     assert [seconds(s) for s in (2e-6, 0.0123, 1.5, 119.0, 200.0, 7300.0)] == [
         "2 us",

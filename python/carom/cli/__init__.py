@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process: 0 done, 2 bad input, 3 solver not converged, 130 interrupted."""
-    from carom.cli.process import flushed, reopen, terminated_as_interrupted
-
-    reopen()
     try:
-        with terminated_as_interrupted():
+        from carom.cli.process import decided, flushed, reopen, terminated_as_interrupted
+
+        reopen()
+        with decided(arguments is None), terminated_as_interrupted():
             code = flushed(_called(list(sys.argv[1:] if arguments is None else arguments)))
     except KeyboardInterrupt:
         code = 130

@@ -146,3 +146,16 @@ def terminated_as_interrupted() -> Iterator[None]:
     finally:
         for number, handler in old.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def decided(own: bool) -> Iterator[None]:
+    """After it the exit code of a process that is its `own` stays: Python takes a while to end, and would end by SIGINT."""
+    try:
+        yield
+    finally:
+        if own and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            # So it would, too, where a KeyboardInterrupt left an `exec`, as that of a dataclass, though it was caught; the
+            # next such call makes it forget.
+            eval("0")  # noqa: S307 no data
