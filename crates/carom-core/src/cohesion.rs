@@ -14,7 +14,7 @@ use crate::scratch::Scratch;
 use crate::state::State;
 use crate::stepper::method::Step;
 use crate::stepper::Span;
-use crate::wall::places::{proximity_at, Walls};
+use crate::wall::places::{displacement, proximity_at, Walls};
 use glam::{DVec3, IVec3};
 
 /// Share (1) of a way that its own change of the attraction takes, above which a step is too long to tell that way. Above 1 there is none.
@@ -119,9 +119,44 @@ fn near(
 ) -> Result<Vec<NearPair>, Failure> {
     let margin = (model.cohesive_reach() + swept) / smallest;
     let mut found = Vec::new();
-    candidates::near_pairs(model, state, walls, position, pairs, margin, &mut found)?;
+    for row in pairs.chunk_by(|a, b| a.0 == b.0) {
+        let first = found.len();
+        candidates::near_pairs(model, state, walls, position, row, margin, &mut found)?;
+        uncovered(model, walls, position, first, &mut found);
+    }
     found.retain(|near| model.laws[near.law as usize].cohesion > 0.0);
     Ok(found)
+}
+
+/// Leaves of the pairs of a sphere from the `first` on, sorted by key, those whose wall none other covers.
+fn uncovered(
+    model: &Model,
+    walls: &Walls,
+    position: &[DVec3],
+    first: usize,
+    found: &mut Vec<NearPair>,
+) {
+    let of_spheres = |near: &NearPair| (near.pair.1 as usize) < model.first_wall();
+    let first = first + found[first..].partition_point(of_spheres);
+    if found.len() < first + 2 {
+        return;
+    }
+    // The farthest first: what covers is there until it is covered itself.
+    found[first..].sort_unstable_by(|a, b| a.gap.total_cmp(&b.gap).then(a.pair.cmp(&b.pair)));
+    for k in (first..found.len()).rev() {
+        let ((a, b), gap) = (found[k].pair, found[k].gap);
+        let x = position[a as usize];
+        let met = walls.meet(model, a, b, x - displacement(position, b));
+        let point = x - (model.radius[a as usize] + gap) * met.normal;
+        let covers = |near: &NearPair| {
+            let (by, from) = (near.pair.1, displacement(position, near.pair.1));
+            by != b && walls.covers(model, a, (by, near.gap), (b, gap), point - from)
+        };
+        if found[first..].iter().any(covers) {
+            found.remove(k);
+        }
+    }
+    found[first..].sort_unstable_by_key(|near| near.pair);
 }
 
 /// Adds the cohesion of a step to its smooth motion, whose places `scratch.position` has (of Moreau-Jean those of the middle of the step). The list of

@@ -26,7 +26,7 @@ pub mod tangent;
 pub use broad::{overlaps, Meeting, NeighbourList, Overlap};
 pub use glam::DVec3;
 pub use mesh::{same_contact, BadTriangle, Mesh};
-pub use pair::{sphere_plane, sphere_sphere, Proximity};
+pub use pair::{sphere_plane, sphere_sphere, Proximity, ROUNDING};
 pub use pair::{Ball, Cone, Cylinder, Disc, Line, Rectangle, Sheet, Triangle};
 pub use periodic::{Periodic, Shear};
 pub use shape::{Displacement, Shape};

@@ -7,8 +7,8 @@
 //!
 //! A mesh gives as many walls as it has triangles and parts, triangles first.
 
+use crate::pair::{slack, Nearest, SLACK};
 use crate::pair::{Ball, Line, Proximity, Sheet, Triangle};
-use crate::pair::{Nearest, SLACK};
 use crate::shape::Shape;
 use glam::DVec3;
 use std::collections::HashMap;
@@ -21,8 +21,6 @@ const ALIKE: f64 = 0.999;
 /// Normals (rad) and gaps over the radius (1) of one sphere at one mesh that differ by less are those of one contact. Less than
 /// [`SLACK`], and an edge were met besides the piece that it ends.
 const SAME: f64 = 10.0 * SLACK;
-/// Rounding over the coordinates (1) by which centres may be beyond an edge.
-const ROUNDING: f64 = 1e-14;
 /// Least height over the longest edge (1) of a triangle with a direction of its own.
 const THIN: f64 = 1e-10;
 
@@ -222,7 +220,7 @@ impl Mesh {
         if triangle.normal.dot(x - triangle.corners[0]).abs() > far {
             return None;
         }
-        let slack = SLACK * r + ROUNDING * (x.abs() + triangle.corners[0].abs()).max_element();
+        let slack = slack(r, x, triangle.corners[0]);
         let wall = match triangle.nearest(x, slack) {
             Nearest::Face => self.piece[t],
             Nearest::Edge(k) => {

@@ -127,6 +127,12 @@ impl Shape {
         }
     }
 
+    /// Whether a point `p` (m) of a sphere of radius `r` (m) lies on the surface, within rounding.
+    #[inline]
+    pub fn holds(&self, p: DVec3, r: f64) -> bool {
+        self.clearance(p, 0.0).abs() <= pair::slack(r, p, self.place())
+    }
+
     /// A point that the wall is placed by (m).
     #[inline]
     pub fn place(&self) -> DVec3 {

@@ -26,8 +26,8 @@ impl Pair {
         shortest: f64,
         most: f64,
     ) -> f64 {
-        // Its wall has been taken away: `follow` opens it.
-        if self.gap == f64::INFINITY {
+        // Its wall has been taken away, and it opens; or another pair of the sphere touches.
+        if self.gap == f64::INFINITY || self.covered {
             return f64::INFINITY;
         }
         let (elastic, mut chi) = (&laws.elastic, self.constants.damping);

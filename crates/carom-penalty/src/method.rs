@@ -173,6 +173,35 @@ impl Penalty {
         }
         self.merged.extend(old);
         std::mem::swap(&mut self.pairs, &mut self.merged);
+        self.cover(model);
+        // At the start of a run bodies may touch already.
+        for pair in self.pairs.iter_mut().filter(|p| !p.closed && p.touches()) {
+            pair.close(&self.bodies);
+            pair.damping_of_approach(model);
+        }
+    }
+
+    /// Finds which walls others cover, as cohesion does: springs add up as well.
+    pub fn cover(&mut self, model: &Model) {
+        let bodies = &self.bodies;
+        let walls = &bodies.walls;
+        let on_wall = |p: &Pair| p.gap < 0.0 && p.b as usize >= model.bodies();
+        for row in self.pairs.chunk_by_mut(|p, q| p.a == q.a) {
+            if row.iter().filter(|p| on_wall(p)).count() < 2 {
+                continue;
+            }
+            let mut near: Vec<&mut Pair> = row.iter_mut().filter(|p| on_wall(p)).collect();
+            near.sort_by(|p, q| p.gap.total_cmp(&q.gap));
+            for k in (0..near.len()).rev() {
+                let pair = near.remove(k);
+                let (point, of) = (pair.point(bodies), (pair.b, pair.gap));
+                let covers = |p: &&mut &mut Pair| walls.covers(model, p.a, (p.b, p.gap), of, point);
+                match near.iter_mut().find(covers) {
+                    Some(other) => other.take_over(pair),
+                    None => near.insert(k, pair),
+                }
+            }
+        }
     }
 
     /// Lets contacts that touched when a collision reached them take its speed, from body to body.

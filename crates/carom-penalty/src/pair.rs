@@ -59,7 +59,11 @@ pub struct Pair {
     /// `K d^n`, N.
     pub force: f64,
     pub closed: bool,
+    /// What of its wall it would touch lies on another one that is nearer.
+    pub covered: bool,
     pub touch: Touch,
+    /// Indentation, m, and force, N, where the substep began.
+    before: [f64; 2],
     /// In this step, while it is (or was last) closed, and before.
     pub now: Sums,
     pub step: Sums,
@@ -117,7 +121,9 @@ impl Pair {
             flat: DVec3::ZERO,
             force: 0.0,
             closed: touch.is_some(),
+            covered: false,
             touch: touch.unwrap_or(Touch::new(key, 0.0)),
+            before: [0.0; 2],
             now: Sums::default(),
             step: Sums::default(),
             friction: 0.0,
@@ -127,10 +133,6 @@ impl Pair {
             driven_work: 0.0,
         };
         pair.place(model, &laws.elastic, bodies);
-        // At the start of a run bodies may touch already.
-        if !pair.closed && pair.gap < 0.0 {
-            pair.close(bodies);
-        }
         pair.damping_of_approach(model);
         pair
     }
@@ -156,7 +158,7 @@ impl Pair {
             }
             met
         };
-        (self.gap, self.normal) = (gap, normal);
+        (self.gap, self.normal, self.covered) = (gap, normal, false);
         self.force = elastic.force(self.stiffness, (-gap).max(0.0));
     }
 
@@ -191,27 +193,62 @@ impl Pair {
         }
     }
 
-    /// Follows the bodies, which have moved for `dt`: opens, closes, stretches the spring. Returns the completed collision.
+    /// Whether it has a tangential spring.
     #[inline]
-    pub fn follow(
+    fn stretches(&self, model: &Model) -> bool {
+        let springs = model.options.penalty_friction == PenaltyFriction::Spring;
+        self.closed && self.constants.slides && springs
+    }
+
+    /// Goes along with the bodies, which have moved for `dt`, and stretches the spring.
+    #[inline]
+    pub fn follow(&mut self, model: &Model, elastic: &Elastic, bodies: &Bodies, dt: f64) {
+        self.before = [-self.gap, self.force];
+        if self.stretches(model) {
+            self.touch.spring += dt * self.slip(bodies);
+        }
+        self.place(model, elastic, bodies);
+    }
+
+    /// What of its wall is nearest to the sphere, m.
+    pub fn point(&self, bodies: &Bodies) -> DVec3 {
+        bodies.position[self.a as usize] - (self.radii[0] + self.gap) * self.normal
+    }
+
+    /// Takes over what another pair of the sphere was, whose wall is covered by the wall of this one.
+    pub fn take_over(&mut self, other: &mut Pair) {
+        other.covered = true;
+        if !other.closed {
+            return;
+        }
+        other.closed = false;
+        if !self.closed {
+            self.closed = true;
+            self.before = other.before;
+            self.touch = Touch {
+                key: self.key(),
+                impulse: other.touch.impulse + other.now.impulse,
+                moment: other.touch.moment + other.now.moment,
+                ..other.touch
+            };
+        }
+        other.end_sums();
+    }
+
+    /// Opens or closes where the bodies are now, after a substep of `dt`. Returns the completed collision.
+    #[inline]
+    pub fn open_or_close(
         &mut self,
         model: &Model,
         elastic: &Elastic,
         bodies: &Bodies,
         dt: f64,
     ) -> Option<ImpactRecord> {
-        let (depth, force) = (-self.gap, self.force);
-        let springs = model.options.penalty_friction == PenaltyFriction::Spring;
-        let stretch = self.closed && self.constants.slides && springs;
-        if stretch {
-            self.touch.spring += dt * self.slip(bodies);
-        }
-        self.place(model, elastic, bodies);
-        if self.gap < 0.0 {
+        if self.touches() {
             if !self.closed {
                 self.close(bodies);
-            } else if stretch {
-                self.carry_spring(elastic, depth, force);
+            } else if self.stretches(model) {
+                self.carry_spring(elastic);
             }
             self.touch.age += dt;
             return None;
@@ -239,6 +276,12 @@ impl Pair {
             self.touch.approach = speed;
         }
         joins
+    }
+
+    /// Whether the bodies overlap here.
+    #[inline]
+    pub fn touches(&self) -> bool {
+        self.gap < 0.0 && !self.covered
     }
 
     /// Starts a contact at the present speed.
@@ -275,7 +318,8 @@ impl Pair {
 
     /// The spring turns with the normal and keeps its length. Where the contact grows stiffer its force stays, and where
     /// it grows softer its elongation: both ways no energy is made (`k_T` follows the indentation).
-    fn carry_spring(&mut self, elastic: &Elastic, depth: f64, force: f64) {
+    fn carry_spring(&mut self, elastic: &Elastic) {
+        let [depth, force] = self.before;
         let spring = &mut self.touch.spring;
         let length = spring.length();
         *spring -= spring.dot(self.normal) * self.normal;

@@ -206,8 +206,12 @@ impl Penalty {
         timers.mark(Phase::Position);
         let mut closed = false;
         for pair in &mut self.pairs {
+            pair.follow(model, &elastic, &self.bodies, dt);
+        }
+        self.cover(model);
+        for pair in &mut self.pairs {
             let before = pair.closed;
-            let collision = pair.follow(model, &elastic, &self.bodies, dt);
+            let collision = pair.open_or_close(model, &elastic, &self.bodies, dt);
             scratch.impacts.extend(collision);
             closed |= pair.closed && !before;
         }

@@ -16,6 +16,7 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit import carried, free_turns, recorded
 from carom.audit.block import Block, once
+from carom.audit.covered import uncovered
 from carom.audit.data import Run
 from carom.audit.rates import Pairs, rates
 from carom.audit.vectors import EPS, add_at, norm, unit
@@ -80,7 +81,8 @@ def within(run: Run, time: F64, x: F64, beyond: F64 | None = None) -> Cohesive:
     apart = ~(run.held_apart.holds(a, np.minimum(b, run.bodies - 1)) & ball)
     law = run.law_index(a, b)
     force, reach = (np.nan_to_num(run.coefficient(name, law)) for name in ("cohesion", "rupture_distance"))
-    gap, normal = run.meet(time[listed], a, b, x[listed, a], x[listed, np.minimum(b, run.bodies - 1)])
+    ends = (x[listed, a], x[listed, np.minimum(b, run.bodies - 1)])
+    gap, normal = uncovered(run, time[listed], listed, a, b, *ends)
     smaller = np.minimum(run.radius[a], run.length[np.minimum(b, run.bodies)])
     gap = np.where(gap <= run.loosest["touching_tolerance"] * smaller, 0.0, gap)
     rows = np.flatnonzero((force > 0.0) & (gap < reach + beyond[listed]) & apart)

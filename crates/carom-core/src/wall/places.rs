@@ -9,7 +9,7 @@ use crate::outcome::{within_bounds, FASTEST};
 use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::motion::{Instant, WallTwist};
-use carom_geom::{Displacement, Proximity, Shape};
+use carom_geom::{Displacement, Proximity, Shape, ROUNDING};
 use glam::{DQuat, DVec3, IVec3};
 use std::ops::Range;
 
@@ -205,6 +205,22 @@ impl Walls {
             return NOWHERE;
         }
         self.now[b as usize - model.first_wall()].meet(xa, model.radius[a as usize])
+    }
+
+    /// Whether a wall, where it stands now, covers another one for sphere `a`, both with their gaps (m): the `point` of the other that is nearest to the
+    /// sphere lies on it as well, and it is nearer, or as near and has the lower number. The point is counted from the displacement of a free wall.
+    pub fn covers(
+        &self,
+        model: &Model,
+        a: u32,
+        (by, gap): (u32, f64),
+        (other, least): (u32, f64),
+        point: DVec3,
+    ) -> bool {
+        let r = model.radius[a as usize];
+        let tie = ROUNDING * (point.abs().max_element() + r);
+        let nearer = gap < least - tie || (gap <= least + tie && by < other);
+        nearer && self.now[by as usize - model.first_wall()].holds(point, r)
     }
 
     /// The same at t_n.

@@ -22,6 +22,15 @@ pub(crate) use sphere_triangle::{Nearest, SLACK};
 
 use glam::DVec3;
 
+/// Rounding over the coordinates (1) by which points may be beyond an edge.
+pub const ROUNDING: f64 = 1e-14;
+
+/// How far from a wall at `y` (m) a point `x` (m) of a sphere of radius `r` (m) may be and count as on it, m.
+#[inline]
+pub(crate) fn slack(r: f64, x: DVec3, y: DVec3) -> f64 {
+    SLACK * r + ROUNDING * (x.abs() + y.abs()).max_element()
+}
+
 /// What a meeting tells: everything the contact rows of eqs. 31-43 need from geometry.
 ///
 /// With `x = x_A - x_B` the relative position of the centres (of the reference point, for a plane):
