@@ -159,7 +159,8 @@ impl<F: Factor> Sparse<F> {
             return Err(DirectError::NotFinite);
         }
         let scale = largest(rhs);
-        if scale == 0.0 {
+        // Numbers that small have no digits to judge a solution by.
+        if scale < f64::MIN_POSITIVE {
             out.fill(0.0);
             return Ok(SolveQuality {
                 residual: 0.0,
