@@ -17,19 +17,12 @@ pub use sphere_disc::{sphere_disc, Disc};
 pub use sphere_plane::sphere_plane;
 pub use sphere_rectangle::{sphere_rectangle, Rectangle};
 pub use sphere_sphere::sphere_sphere;
-pub use sphere_triangle::{sphere_line, sphere_sheet, sphere_triangle, Line, Sheet, Triangle};
-pub(crate) use sphere_triangle::{Nearest, SLACK};
+pub(crate) use sphere_triangle::{slack, Nearest, SLACK};
+pub use sphere_triangle::{
+    sphere_line, sphere_sheet, sphere_triangle, Line, Sheet, Triangle, ROUNDING,
+};
 
 use glam::DVec3;
-
-/// Rounding over the coordinates (1) by which points may be beyond an edge.
-pub const ROUNDING: f64 = 1e-14;
-
-/// How far from a wall at `y` (m) a point `x` (m) of a sphere of radius `r` (m) may be and count as on it, m.
-#[inline]
-pub(crate) fn slack(r: f64, x: DVec3, y: DVec3) -> f64 {
-    SLACK * r + ROUNDING * (x.abs() + y.abs()).max_element()
-}
 
 /// What a meeting tells: everything the contact rows of eqs. 31-43 need from geometry.
 ///

@@ -10,6 +10,14 @@ use glam::DVec3;
 /// Over the radius (1): how far triangles are met beyond their edges, so that rounding leaves no slits between them. Larger, and
 /// balls overlap edges by half its square.
 pub(crate) const SLACK: f64 = 1e-7;
+/// Rounding over the coordinates (1) by which points may be beyond an edge.
+pub const ROUNDING: f64 = 1e-14;
+
+/// How far from a wall at `y` (m) a point `x` (m) of a sphere of radius `r` (m) may be and count as on it, m.
+#[inline]
+pub(crate) fn slack(r: f64, x: DVec3, y: DVec3) -> f64 {
+    SLACK * r + ROUNDING * (x.abs() + y.abs()).max_element()
+}
 
 /// A triangle in space. Lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
