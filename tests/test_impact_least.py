@@ -114,3 +114,38 @@ def test_a_ball_that_rolls_into_a_corner(friction: float) -> None:
         result = carom.simulate(scene, step=1e-5, until=1e-5, impact="poisson")
         speeds.append(float(result["b"].velocity[-1][1]))
     assert max(speeds) - min(speeds) < 1e-5
+
+
+@pytest.mark.parametrize("heavy", [(0.12, -0.03, 0.04), (0.127, -0.018, 0.0288)])
+@pytest.mark.parametrize("velocity", [(-0.66, 0.74, -0.78), (-0.66, 0.4, -0.9)])
+def test_what_jams_itself_expands(
+    heavy: tuple[float, float, float], velocity: tuple[float, float, float]
+) -> None:
+    """A light ball hits a wall, and its rod turns friction into a push: the normal impulse is more than the law gives back,
+    until nothing slips but for what slides back.
+    """
+    mass, e_n, e_t, friction = 0.023, 0.3, 0.5, 1.2
+    scene = carom.Scene("jam", gravity=(0, 0, 0))
+    scene.contact("b", "w", friction=friction, restitution=e_n, tangential_restitution=e_t)
+    scene.contact("b", "b", friction=0.5, restitution=0.8)
+    scene.plane("w", point=(-0.02, 0, 0), normal=(1, 0, 0), material="w")
+    scene.sphere("light", radius=0.02, mass=mass, position=(0, 0, 0), velocity=velocity, material="b")
+    scene.sphere("heavy", radius=0.02, mass=0.284, position=heavy, velocity=velocity, material="b")
+    scene.joint("rod", between=["light", "heavy"])
+    scene.joint("lock", between=["light", "heavy"])
+    options = {"step": 1e-4, "until": 1e-4, "impact": "poisson"}
+    with pytest.warns(carom.CaromWarning, match="can gain"):
+        result = carom.simulate(scene, energy_safeguard=False, **options)
+    back, forth = (
+        np.asarray(result.impacts["impulse"])[np.asarray(result.impacts["problem"]) == k][0] for k in (1, 2)
+    )
+    v, w = result.velocity[-1][0], result.angular_velocity[-1][0]
+    slip = (v + np.cross(w, (-0.02, 0, 0)))[1:]
+    assert forth[0] > e_n * back[0]
+    assert abs(v[0]) < 1e-8
+    assert np.linalg.norm(forth[1:]) < friction * forth[0]
+    assert slip == pytest.approx(e_t * 3.5 / mass * back[1:], abs=1e-7)
+    kept = carom.simulate(scene, every=1, **options)
+    assert kept.energy.total[-1] <= (1 + 1e-12) * kept.energy.total[0]
+    assert 0.1 < kept.steps.restitution_scale[-1] < 1.0  # not lost, but for what it may not gain
+    assert carom.audit.check(kept).ok

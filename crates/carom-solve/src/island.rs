@@ -182,7 +182,7 @@ impl Newton {
         let mut total = SolveReport::default();
         let held = on.system.contacts.iter().any(|c| c.least > 0.0);
         for rung in &ISLAND {
-            let knows = !held || matches!(rung.way, IslandWay::Newton | IslandWay::Sweeps);
+            let knows = !held || !matches!(rung.way, IslandWay::Companion);
             let fits = knows
                 && match rung.when {
                     IslandWhen::Coarse => on.is_coarse(),
@@ -203,7 +203,7 @@ impl Newton {
             let report = match rung.way {
                 IslandWay::Sweeps => self.sweep(&mut on, rung.budget, &mut x),
                 IslandWay::Split => self.split(&mut on, rung.budget, &mut x),
-                IslandWay::Newton => Some(self.iterate(&mut on, held, &mut x)),
+                IslandWay::Newton => Some(self.iterate(&mut on, &mut x)),
                 IslandWay::Linearised => Some(self.linearise(&mut on, rung.budget, &mut x)),
                 IslandWay::Companion => Some(self.companion(&mut on, rung.budget, &mut x)),
             };
@@ -281,13 +281,8 @@ impl Newton {
         uneven
     }
 
-    /// Newton's method, and nothing else where normal impulses are `held` at a least.
-    fn iterate<P: Subproblem>(
-        &mut self,
-        on: &mut Island<P>,
-        held: bool,
-        x: &mut [f64],
-    ) -> SolveReport {
+    /// Newton's method.
+    fn iterate<P: Subproblem>(&mut self, on: &mut Island<P>, x: &mut [f64]) -> SolveReport {
         let options = on.options;
         let uneven = self.set_penalty(on.system, options.penalty_scale);
         // Loads couple nodes beyond the contacts: the nodes count.
@@ -320,7 +315,7 @@ impl Newton {
             report: SolveReport::default(),
             best: f64::INFINITY,
             since_better: 0,
-            may_give_up: options.beside.linearised && !held && uneven,
+            may_give_up: options.beside.linearised && uneven,
         };
         let [mut iterations, line_search] = steps.iterate(&mut run, x, &rule);
         // Not where Newton's method alone is asked for: its iterations are the paper's then.

@@ -89,7 +89,7 @@ pub enum When {
     Full,
     /// Until sweeps of such a rung make err no smaller than [`GAIN`] times what it was.
     Gaining,
-    /// W is unsymmetric by [`UNSYMMETRIC`] at most, and sweeps are not bounded.
+    /// W is unsymmetric by [`UNSYMMETRIC`] at most, and sweeps are not bounded, or do not know what is stated.
     Symmetric,
     /// Sweeps are not bounded.
     Unbounded,

@@ -31,7 +31,7 @@ fn nearest(g: &RowGroup, x: &[f64]) -> Vec<f64> {
             .map(|(p, x)| (p - x).powi(2))
             .sum::<f64>()
     };
-    let (mut low, mut high) = (0.0, 10.0 * (1.0 + norm(x)));
+    let (mut low, mut high) = (g.least, 10.0 * (1.0 + norm(x)));
     for _ in 0..200 {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
         if far(a) <= far(b) {
@@ -40,14 +40,19 @@ fn nearest(g: &RowGroup, x: &[f64]) -> Vec<f64> {
             low = a;
         }
     }
-    at(if far(0.0) <= far(low) { 0.0 } else { low })
+    at(if far(g.least) <= far(low) {
+        g.least
+    } else {
+        low
+    })
 }
 
 #[test]
 fn projection_is_the_nearest_point() {
     let mut rng = Rng(1);
     for case in 0..4000 {
-        let g = group(any_bounds(&mut rng, 2.0));
+        let mut g = group(any_bounds(&mut rng, 2.0));
+        g.least = rng.uniform(-1.0, 1.0).max(0.0);
         let x = draw(&mut rng, g.dim, 1.0);
         let mut p = x.clone();
         project_cone(&g, &mut p);
@@ -137,6 +142,15 @@ fn natural_map_is_exactly_zero_at_solutions() {
         ([0.0; 3], [0.0, 3.0, 4.0]),
     ] {
         assert_eq!(natural_part(&g, &r, &u)[..3], [0.0; 3], "{r:?} {u:?}");
+    }
+    // At the least normal impulse a contact may open, and slips and sticks as it does.
+    let held = RowGroup { least: 10.0, ..g };
+    for (r, u) in [
+        ([10.0, -3.0, -4.0], [0.75, 3.0, 4.0]),
+        ([10.0, 1.0, -2.0], [0.75, 0.0, 0.0]),
+        ([12.0, 1.0, -2.0], [0.0; 3]),
+    ] {
+        assert_eq!(natural_part(&held, &r, &u)[..3], [0.0; 3], "{r:?} {u:?}");
     }
     let discs = group(Bounds {
         sliding: 0.5,

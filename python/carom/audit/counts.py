@@ -95,6 +95,8 @@ def _impacts(run: Run, tally: Tally) -> None:
     # Sub-steps that are given up and made anew may have scaled more than those that count.
     scale = s["restitution_scale"]
     off = np.where(run.cut, least < scale, least != scale) | ~((scale >= 0.0) & (scale <= 1.0))
+    # What is given up where it is not solved counts as a fallback, and may leave no impulse to tell of it.
+    off &= ~((scale == 0.0) & (least == 1.0) & (s["fallbacks"] > 0))
     tally.measure("counts", off, 0.0, lambda i: run.step_place(i + 1))
 
 

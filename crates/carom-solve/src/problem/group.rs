@@ -13,7 +13,7 @@ pub struct RowGroup {
     pub bounds: Bounds,
     /// A joint: its multipliers have no bounds.
     pub bilateral: bool,
-    /// Least normal multiplier. Above 0 (expansion by Poisson's law) Newton's method alone knows it.
+    /// Least normal multiplier, above 0 in the expansion by Poisson's law: Newton's method and alternating directions know it.
     pub least: f64,
 }
 

@@ -3,11 +3,11 @@
 use super::{Problem, RowGroup};
 use crate::cone::{norm, MAX_ROWS};
 
-/// Nearest point of the cone `K = { r_N >= 0, |r_b| <= mu_b r_N }` to `x`, in place.
+/// Nearest point of the cone `K = { r_N >= least, |r_b| <= mu_b r_N }` to `x`, in place. (Where `least` is above 0 it is cut off there.)
 ///
 /// Given the height `t` of the result each disc is cut to `mu_b t`, so `t` minimises
 /// `(t - x_N)^2 + sum_b max(0, |x_b| - mu_b t)^2`; with the `k` discs of largest `|x_b|/mu_b` cut the minimum is in closed
-/// form, and the first `k` whose `t` is not below the next ratio is right.
+/// form, and the first `k` whose `t` is not below the next ratio is right. It is convex: `t` is not below `least`.
 pub fn project_cone(group: &RowGroup, x: &mut [f64]) {
     if group.bilateral {
         return;
@@ -36,7 +36,7 @@ pub fn project_cone(group: &RowGroup, x: &mut [f64]) {
         below += bound * bound;
         height = above / below;
     }
-    let height = height.max(0.0);
+    let height = height.max(group.least);
     x[0] = height;
     for disc in group.bounds.discs() {
         let part = &mut x[disc.start..disc.start + disc.dim];

@@ -78,6 +78,9 @@ impl Scaled {
         // A q that is infinite when scaled has no solution here; what is given back is finite all the same.
         size = size.min(f64::MAX);
         problem.q.iter_mut().for_each(|q| *q /= size);
+        for group in &mut problem.groups {
+            group.least /= factor[group.row] * size;
+        }
         Scaled {
             problem,
             factor,

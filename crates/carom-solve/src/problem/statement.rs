@@ -17,6 +17,11 @@ impl Problem {
         self.q.len()
     }
 
+    /// Whether a normal multiplier has a least above 0.
+    pub fn is_held(&self) -> bool {
+        self.groups.iter().any(|group| group.least > 0.0)
+    }
+
     /// `u = W r + q`.
     pub fn velocity(&self, r: &[f64], u: &mut [f64]) {
         u.copy_from_slice(&self.q);

@@ -32,11 +32,19 @@ impl ConeSolver for Auto {
     fn run(&mut self, judge: &mut Judge<'_>, _: u32) -> u32 {
         self.swept = 0;
         let mut gaining = true;
+        let held = judge.source.is_held();
         for rung in &AUTO {
             if judge.stop() {
                 break;
             }
             if !self.fits(rung.when, judge, gaining) {
+                continue;
+            }
+            if held && !matches!(rung.way, Method::Newton { .. } | Method::Split) {
+                // Sweeps and paths know no least impulse.
+                if rung.when == When::Full {
+                    break;
+                }
                 continue;
             }
             let (name, budget) = (rung.name, rung.budget);
@@ -99,7 +107,9 @@ impl Auto {
             When::SmallOrWarm => problem.rows() <= SMALL_ROWS || judge.best_err < WARM,
             When::Full => fill(problem).is_some_and(|fill| fill > MAX_FILL),
             When::Gaining => gaining,
-            When::Symmetric => !bounded && problem.w.asymmetry() <= UNSYMMETRIC,
+            When::Symmetric => {
+                (!bounded || problem.is_held()) && problem.w.asymmetry() <= UNSYMMETRIC
+            }
             When::Unbounded => !bounded,
         }
     }
