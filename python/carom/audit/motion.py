@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from carom.arrays import F64, I64, Bool
-from carom.audit import answers, carried, forces, loads_once, recorded, rigid
+from carom.audit import answers, arms, carried, forces, loads_once, recorded, rigid
 from carom.audit.block import Block
 from carom.audit.centres import passed_half_way, ways_half_way
 from carom.audit.cohesion import on_bodies, pulls
@@ -201,14 +201,14 @@ def _momentum_of_walls(block: Block, tally: Tally, loads: Loads, known: Bool) ->
 def _spin(block: Block, tally: Tally, s: Sums, loads: Loads, known: Bool, touched: Bool) -> None:
     run = block.run
     inertia = run.inertia[:, None]
-    given = loads.impulse[..., 3:]
-    change = inertia * (block.w1 - block.w0) - given
+    turned = arms.turned(block)
+    change = inertia * (block.w1 - block.w0) - loads.impulse[..., 3:] - turned.moment
     value = np.minimum(*(norm(change - moment) for moment in s.moments))
     size = inertia[:, 0] * (norm(block.w0) + norm(block.w1)) + loads.size[..., 1] + s.moment_size
     # Moments that cancel in the sweeps over a contact were as large as those of the weight.
     size = size + np.where(touched, run.radius * run.mass * norm(run.gravity), 0.0) * block.dt[:, None]
     size = size + np.where(touched, run.radius * largest(block), 0.0)
-    bound = rounding(block) * size + loads.slack[..., 1] + s.turned
+    bound = rounding(block) * size + loads.slack[..., 1] + s.turned + turned.off
     tally.measure("spin", value, bound, block.per_body, known)
 
 

@@ -1,0 +1,60 @@
+"""The arms with which reactions of joints act, where a frame shows others.
+
+Reactions `J_s` of the smooth motion act where it ends, those that answer contacts where the step ends (of Moreau-Jean all of
+them act there), and the record is their sum `J`. Between both the position level turns a body by what its impulses and the
+answer of the joints to them give, an angle `phi`: with the arm `a` of the frame the moment has `-(phi x a) x J_s` besides.
+What answers the impulses `P` of contacts is `J_i = m dV - P` of a body with one joint; with more only sizes are known.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from carom.arrays import F64
+from carom.audit import answers, forces, wrenches
+from carom.audit.block import Block
+from carom.audit.vectors import cross, norm
+
+
+class Turned(NamedTuple):
+    """Of whole steps, N m s; in others what joints do is known to more than that."""
+
+    moment: F64
+    """(B, N, 3) moments of joints beside those about the points of the frame."""
+    off: F64
+    """(B, N) how far these may be off, as the filter of the scheme hands reactions of other steps on with their arms."""
+
+
+def turned(block: Block) -> Turned:
+    """Of a block."""
+    run, sums = block.run, forces.of_contacts(block)
+    moment, (off, later) = np.zeros((block.count, run.bodies, 3)), np.zeros((2, block.count, run.bodies))
+    if not run.joints:
+        return Turned(moment, off)
+    pushed = np.concatenate([sums.shift, sums.shift_moments[0]], axis=-1)
+    angle = answers.given(block, pushed)[..., 3:]
+    way = block.dt[:, None] * np.maximum(norm(block.w0), norm(block.w1))
+    struck = np.concatenate([sums.impulse, sums.moments[0]], axis=-1)
+    answered = run.heavy[:, None] * answers.given(block, struck)[..., :3] - sums.impulse
+    if run.method == "moreau":
+        answered[:] = 0.0
+    given = np.nan_to_num(run.result.joint_impulse[block.first : block.first + block.count, :, :3])
+    ends = [
+        (j, int(joint[side]), sign, arm)
+        for j, joint in enumerate(run.joints)
+        for side, sign, arm in zip("ab", (1.0, -1.0), joint["rows"][0][2:4], strict=True)
+        if joint[side] >= 0
+    ]
+    joints = np.bincount([body for _, body, _, _ in ends], minlength=run.bodies)
+    for j, body, sign, arm in ends:
+        reach, own = wrenches.reach(run, body, arm), answered[:, body]
+        later[:, body] += reach * way[:, body] * norm(own)
+        if joints[body] == 1:
+            swung = cross(angle[:, body], wrenches.lever(block, body, arm, 1))
+            moment[:, body] = -cross(swung, sign * given[:, j] - own)
+        else:
+            off[:, body] += reach * norm(angle[:, body]) * (norm(given[:, j]) + norm(own))
+    later += off + norm(np.diff(moment, axis=0, prepend=np.zeros((1, run.bodies, 3))))
+    return Turned(moment, later + wrenches.echo(run, later, later[0]))
