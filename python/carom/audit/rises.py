@@ -18,7 +18,7 @@ def rises(run: Run, tally: Tally) -> None:
     """No step may gain energy beyond the work of loads and walls and what bodies bring or take.
 
     Bounds, with `T` the largest kinetic energy so far and `sum m |g| r`: 1e-12 T for rounding, 2e-10 T of
-    the laws `one-shot`, `compliant` and `binary` (`docs/reference/determinism.md`); in steps with islands of more
+    the laws that have no sequence (`docs/reference/determinism.md`); in steps with islands of more
     than `dense_contacts` contacts `RISE_PILE (h/1 ms)^2 T`; where balls meet balls, or walls that are not flat or move, the
     position correction lifts what overlaps after the smooth motion, by at most the way of a step: `h |g| sum m |v|`, that is
     `h |g| sqrt(2 K M)` of the kinetic energy `K` and the whole mass `M`, first order in the step (algorithm, section 10),
@@ -45,8 +45,8 @@ def rises(run: Run, tally: Tally) -> None:
     motion = np.maximum(kinetic[1:], kinetic[:-1])
     longest = float(np.append(run.radius, run.clumps.reach).max())
     top = np.maximum.accumulate(motion) + weight * longest
-    # Laws of one problem, or of springs, leave what their solver does in it, by which nothing after it is bound (R4).
-    solved = run.impact_law.problems == 1 or run.impact_law.restitution == "energetic"
+    # Laws of a problem or two leave what their solver does in them, by which nothing after them is bound (R4).
+    solved = run.impact_law.problems > 0
     bound = (2e-10 if solved else 1e-12) * top + 16.0 * EPS * np.maximum(
         np.abs(potential[1:]), np.abs(potential[:-1])
     )
