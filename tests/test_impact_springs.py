@@ -220,3 +220,19 @@ def test_what_little_friction_of_the_last_kicks_is_left_is_no_fallback(law: str)
         assert result.summary["fallbacks"] == 0
         found.append(result.velocity[-1] @ turned)
     np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+@pytest.mark.parametrize(("method", "gravity"), [("nsga", 0.0), ("moreau", 0.0), ("events", 9.8)])
+def test_what_a_squeeze_leaves_is_no_impact_of_the_next_step(law: str, method: str, gravity: float) -> None:
+    """A heavy ball squeezes two light ones against a floor until nothing is left, and a share of that is nothing, too."""
+    scene = carom.Scene(gravity=(0, 0, -gravity))
+    for one, other, e in (("h", "l", 0.2), ("h", "w", 0.9), ("l", "l", 0.9), ("l", "w", 0.9)):
+        scene.contact(one, other, friction=0.0, restitution=e)
+    for k, mass in enumerate((1e-3, 1e-3, 1.0)):
+        scene.sphere(f"b{k}", radius=0.02, mass=mass, position=(0, 0, 0.02 + 0.04 * k),
+                     velocity=(0, 0, -float(k == 2)), material="llh"[k])  # fmt: skip
+    scene.plane("w", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    result = simulated(scene, impact=law, method=method, step=1e-4, until=1e-3)
+    assert np.abs(result.velocity[-1]).max() < 1e-13
+    assert np.asarray(result.impacts["step"]).max() <= 2

@@ -123,6 +123,8 @@ class Island:
         radius = model.radius[lay.bodies]
         before, free = self.u_n.reshape(-1, 6), self.u_check.reshape(-1, 6)
         self.old_speed = _speed(before, radius)
+        self.moves_nothing = EPS * float(np.max(radius)) / model.options.step
+        """Speed whose way in a step is the rounding of a radius [m/s]."""
         # rounding of the problem: relative to the largest velocity that enters it, spin included
         fastest = max(_speed(before, lay.reach), _speed(free, lay.reach))
         self.floor = 4.0 * EPS * lay.inertness * fastest
@@ -143,7 +145,7 @@ class Island:
         loads = np.array([self._load_of(e) for e in self.elements])
         tolerance = self.model.options.closing[len(self.elements) > LARGE_ISLAND]
         share = min(CLOSING_LOAD, OVER_TOLERANCE * tolerance)
-        least = max(CLOSING_SPEED * self.speed, 64.0 * EPS * self.old_speed)
+        least = max(CLOSING_SPEED * self.speed, 64.0 * EPS * self.old_speed, self.moves_nothing)
         return np.maximum(share * loads, least)
 
     def _load_of(self, e: Element) -> float:

@@ -336,6 +336,13 @@ impl Options {
         self.method == Method::Nsga && !self.loads_once()
     }
 
+    /// A speed whose way in a step is the rounding of a length, m/s: what closes more slowly closes nothing (rule R3). What an impact leaves is a share of
+    /// what it had, and would else be an impact in every step, down to the least number there is.
+    #[inline]
+    pub fn moves_nothing(&self, length: f64) -> f64 {
+        f64::EPSILON * length / self.step
+    }
+
     /// What the impact sequence of an island of so many contacts may take.
     pub fn problems(&self, contacts: usize) -> Problems {
         match self.max_problems {

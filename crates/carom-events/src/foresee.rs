@@ -35,7 +35,7 @@ pub fn nothing(model: &Model, fastest: f64, r: f64) -> Nothing {
     Nothing {
         gap: TOUCH * model.options.gap_tolerance * r,
         off: OFF * r,
-        speed: ROUNDING * fastest,
+        speed: f64::max(ROUNDING * fastest, model.options.moves_nothing(r)),
         acceleration: ROUNDING * (model.gravity.length() + fastest * fastest / r),
         flight: FLIGHT,
     }

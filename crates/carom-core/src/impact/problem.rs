@@ -131,7 +131,7 @@ impl ImpactScratch {
             let of_wall = self.wall_loads.get(slot).copied().unwrap_or(0.0);
             let load = load(c.node_a).max(load(c.node_b)).max(of_wall);
             self.speeds
-                .closing_tolerance(&model.options, self.members.len(), load)
+                .closing_tolerance(&model.options, self.span, self.members.len(), load)
         }));
         self.closing = closing;
     }

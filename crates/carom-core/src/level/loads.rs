@@ -43,7 +43,9 @@ pub fn solve_island(on: &mut On) -> bool {
 
 /// A lone contact of a sphere with a plane, in closed form.
 fn solve_single(on: &mut On, m: u32) {
-    let Task { model, state, .. } = *on.task;
+    let Task {
+        model, state, span, ..
+    } = *on.task;
     let scratch = &*on.scratch;
     let c = &scratch.contacts[m as usize];
     let i = c.a as usize;
@@ -54,7 +56,7 @@ fn solve_single(on: &mut On, m: u32) {
         speeds.add_wall(&old, &new);
     }
     let load = speeds.load.max((new.normal - old.normal).abs());
-    let tol = speeds.closing_tolerance(&model.options, 1, load);
+    let tol = speeds.closing_tolerance(&model.options, span, 1, load);
     let (v, w) = (scratch.linear[i].velocity, scratch.angular[i].velocity);
     let mut z = single::motion(c, model.radius[i], v, w);
     z.subtract(&new);

@@ -5,6 +5,7 @@ use crate::contact::Contact;
 use crate::model::Model;
 use crate::options::Options;
 use crate::state::State;
+use crate::stepper::Span;
 use crate::wall::places::Walls;
 use crate::wall::WallTwist;
 
@@ -35,6 +36,8 @@ pub struct Speeds {
     pub wall_load: f64,
     /// Largest |v_n| + r |w_n|, m/s.
     pub speed: f64,
+    /// Largest radius, m.
+    pub radius: f64,
 }
 
 impl Speeds {
@@ -45,6 +48,7 @@ impl Speeds {
             state.velocity[i].length() + model.radius[i] * state.angular_velocity[i].length();
         self.load = self.load.max(load);
         self.speed = self.speed.max(speed);
+        self.radius = self.radius.max(model.radius[i]);
     }
 
     /// A wall that moves.
@@ -60,6 +64,7 @@ impl Speeds {
         self.load = self.load.max(other.load);
         self.wall_load = self.wall_load.max(other.wall_load);
         self.speed = self.speed.max(other.speed);
+        self.radius = self.radius.max(other.radius);
     }
 
     /// Largest speed that the island has or gets from its loads, m/s.
@@ -68,13 +73,24 @@ impl Speeds {
     }
 
     /// A contact closes below minus this normal velocity, m/s (rule R3), in an island of so many contacts, whose tolerance counts. `own_load`: the
-    /// larger one of the changes that the loads of the step make to the velocities of its two bodies (of a moving wall: along the normal).
+    /// larger one of the changes that the loads of the step make to the velocities of its two bodies (of a moving wall: along the normal). In a
+    /// moment no way is too short.
     #[inline]
-    pub fn closing_tolerance(&self, o: &Options, contacts: usize, own_load: f64) -> f64 {
+    pub fn closing_tolerance(
+        &self,
+        o: &Options,
+        span: Span,
+        contacts: usize,
+        own_load: f64,
+    ) -> f64 {
         let share = (OVER_TOLERANCE * tolerance(o, contacts)).min(o.closing_tolerance_load);
         let by_speed = o.closing_tolerance_speed * self.largest();
         let tolerance = by_speed.max(share * own_load);
-        tolerance.max(ROUNDING * self.speed)
+        let moves_nothing = match span.moment {
+            true => 0.0,
+            false => o.moves_nothing(self.radius),
+        };
+        tolerance.max(ROUNDING * self.speed).max(moves_nothing)
     }
 }
 

@@ -149,7 +149,12 @@ impl<'a, const MOVING: bool> Lone<'a, MOVING> {
     /// The contact as the step has it, and whether nothing moves and nothing pulls.
     #[inline(always)]
     fn of(on: &On<'a, '_>, c: &'a Contact) -> (Self, bool) {
-        let (scratch, Task { model, state, .. }) = (&*on.scratch, *on.task);
+        let (
+            scratch,
+            Task {
+                model, state, span, ..
+            },
+        ) = (&*on.scratch, *on.task);
         let i = c.a as usize;
         let motion = [scratch.linear[i].velocity, scratch.angular[i].velocity];
         let mut speeds = Speeds::default();
@@ -179,7 +184,7 @@ impl<'a, const MOVING: bool> Lone<'a, MOVING> {
             check: against::<MOVING>(measured, &wall),
             minus_n: c.n0.dot(state.velocity[i]) - wall_old.normal,
             slip,
-            tol: speeds.closing_tolerance(&model.options, 1, load),
+            tol: speeds.closing_tolerance(&model.options, span, 1, load),
         };
         (lone, speeds.largest() == 0.0)
     }

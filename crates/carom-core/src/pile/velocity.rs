@@ -189,7 +189,12 @@ impl Pile {
         let tolerance = |m: &ClosedContact| {
             let of_b = if m.b == WORLD { 0.0 } else { change(m.b) };
             let of_wall = (memory.wall(m, 1) - memory.wall(m, 0)).dot(m.normal).abs();
-            speeds.closing_tolerance(o, memory.closed.len(), change(m.a).max(of_b).max(of_wall))
+            speeds.closing_tolerance(
+                o,
+                span,
+                memory.closed.len(),
+                change(m.a).max(of_b).max(of_wall),
+            )
         };
         let mut closing = Vec::new();
         chunks::refill(threads, &mut closing, memory.closed.len(), |slot| {
