@@ -108,6 +108,7 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
         if !solved {
             break;
         }
+        smooth.least_reactions(model);
         report.iterations_smooth = report.iterations_smooth.max(iteration + 1);
         clump::turn_by_moments(on)?;
     }

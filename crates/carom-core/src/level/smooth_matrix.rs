@@ -14,7 +14,92 @@ const DENSE: usize = 72;
 /// method takes more iterations (its limit stays that of eq. 1).
 const SHIFT: f64 = 1e-12;
 
+/// Squares of the reactions of a group, over what they do together (1), from which on they are looked at: joints that repeat one another can hold
+/// one another by anything. Less: long chains are solved twice, for nothing. More: such forces are told.
+const HELD: f64 = 1e4;
+
 impl SmoothScratch {
+    /// Of all reactions that do the same, the least.
+    pub fn least_reactions(&mut self, model: &Model) {
+        let groups = std::mem::take(&mut self.groups);
+        for group in &groups {
+            self.least_of_group(model, group);
+        }
+        self.groups = groups;
+    }
+
+    fn least_of_group(&mut self, model: &Model, group: &CoupledBodies) {
+        // (place among the rows of the group, place among all, gradient), by body.
+        let mut at_body = vec![Vec::new(); group.bodies.len()];
+        let mut rows = Vec::new();
+        for &index in &group.joints {
+            let (joint, first) = (
+                &model.joints[index as usize],
+                self.first_row[index as usize],
+            );
+            let gradients = self.gradients[index as usize].iter();
+            for (r, sides) in (0..).zip(gradients.take(joint.rows.len())) {
+                for (side, body) in sides.iter().zip([joint.a, joint.b]) {
+                    if (body as usize) < model.bodies() {
+                        at_body[self.local[body as usize] as usize].push((rows.len(), *side));
+                    }
+                }
+                rows.push((first + r) as usize);
+            }
+        }
+        let mut size = 0.0;
+        let mut rhs = vec![0.0; rows.len()];
+        for (&body, touching) in group.bodies.iter().zip(&at_body) {
+            let inverse = inverses(model, body);
+            let mut net = [0.0; NODE_DOF];
+            for (row, g) in touching {
+                let lambda = self.lambda[rows[*row]];
+                for k in 0..NODE_DOF {
+                    net[k] += lambda * g[k];
+                    size += lambda * lambda * inverse[k] * g[k] * g[k];
+                }
+            }
+            let moved: [f64; NODE_DOF] = std::array::from_fn(|k| inverse[k] * net[k]);
+            for (row, g) in touching {
+                rhs[*row] += (0..NODE_DOF).map(|k| g[k] * moved[k]).sum::<f64>();
+            }
+        }
+        let done: f64 = rhs
+            .iter()
+            .zip(&rows)
+            .map(|(v, row)| v * self.lambda[*row])
+            .sum();
+        if size <= HELD * done {
+            return;
+        }
+        let entries = &mut self.matrix.list;
+        entries.clear();
+        for (&body, touching) in group.bodies.iter().zip(&at_body) {
+            let inverse = inverses(model, body);
+            for (k, (row, g)) in touching.iter().enumerate() {
+                for (col, h) in &touching[..=k] {
+                    let value: f64 = (0..NODE_DOF).map(|c| inverse[c] * g[c] * h[c]).sum();
+                    let value = if row == col {
+                        (1.0 + SHIFT) * value
+                    } else {
+                        value
+                    };
+                    entries.push((*row as u32, *col as u32, value));
+                }
+            }
+        }
+        let mut least = vec![0.0; rows.len()];
+        let (col_ptr, row_idx, values) = self.matrix.compressed(rows.len());
+        let factored = self
+            .reactions
+            .refactor(rows.len(), col_ptr, row_idx, values);
+        if factored.is_ok() && self.reactions.solve(&rhs, &mut least).is_ok() {
+            for (row, least) in rows.iter().zip(&least) {
+                self.lambda[*row] = *least;
+            }
+        }
+    }
+
     pub(super) fn solve_group(
         &mut self,
         model: &Model,
@@ -127,4 +212,13 @@ impl SmoothScratch {
             }
         }
     }
+}
+
+/// Over velocity and angular velocity.
+fn inverses(model: &Model, body: u32) -> [f64; NODE_DOF] {
+    let (m, i) = (
+        model.inv_mass[body as usize],
+        model.inv_inertia[body as usize],
+    );
+    [m, m, m, i, i, i]
 }

@@ -13,7 +13,7 @@ use crate::rows::{halves, Rows};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_solve::clusters::{apart, Forest};
-use carom_solve::direct::Entries;
+use carom_solve::direct::{Entries, SparseLlt};
 use carom_solve::rows::NODE_DOF;
 use glam::DVec3;
 
@@ -79,7 +79,7 @@ fn worst(a: f64, b: f64) -> f64 {
 
 #[derive(Default)]
 pub struct SmoothScratch {
-    groups: Vec<CoupledBodies>,
+    pub(super) groups: Vec<CoupledBodies>,
     grouped: Vec<bool>,
     /// Local index of a sphere in its group.
     pub(super) local: Vec<u32>,
@@ -97,6 +97,7 @@ pub struct SmoothScratch {
     pub(super) residual: Vec<[DVec3; 2]>,
     pub(super) rhs: Vec<f64>,
     pub(super) matrix: Entries,
+    pub(super) reactions: SparseLlt,
     pub(super) solution: Vec<f64>,
 }
 
