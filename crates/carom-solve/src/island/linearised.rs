@@ -127,6 +127,7 @@ impl Newton {
         let (mut done, mut since, mut before) = (0, 0, f64::INFINITY);
         // Normals of positions turn, and momentum would lead astray. Measures of velocities change with loads, and where they have rows of their own.
         let turns = on.options.gap_tolerance.is_finite();
+        let has_joints = on.system.contacts.iter().any(|c| c.bilateral);
         loop {
             let terms = self.evaluate(on, x);
             if done == 0 && on.system.load_feedback() > MOST_FEEDBACK {
@@ -137,6 +138,8 @@ impl Newton {
             self.history.push(total.residual);
             let missed = (total.residual / on.options.tolerance).max(self.missed(on));
             total.converged = total.residual < on.options.tolerance && missed < 1.0;
+            // Multipliers of contacts that come into their cones would move what joints hold.
+            total.converged &= done > 0 || !has_joints || x[..on.system.rows()] == self.at.phi;
             if total.converged || !terms.residual.is_finite() || done >= most {
                 break;
             }
