@@ -106,6 +106,8 @@ def test_the_grid_does_not_shift_when_a_run_is_resumed_and_can_be_changed(tmp_pa
     assert saved(run)[5:] == [140, 200]
     with pytest.raises(CaromError, match="cannot change within a run"):
         carom.resume(run, until=0.3, every=7)
+    with pytest.raises(CaromError, match="max_problems: cannot change within a run"):  # a part of the law
+        carom.resume(run, until=0.3, max_problems=20)
 
 
 TERMINATED = """

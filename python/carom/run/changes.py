@@ -12,12 +12,12 @@ from carom.scene.assembly.arrays import identify
 from carom.scene.scene import Scene
 from carom.scene.tables.model import SINGLE
 
-#: Options that may change when a run is continued: its end; how hard the contact problems are solved, not which ones; and
-#: when checkpoints are written.
+#: Options that may change when a run is continued: its end; how hard the contact problems are solved, not which ones, as
+#: `max_problems` decides; and when checkpoints are written.
 CHANGEABLE = (
     "until",
     *("tolerance", "pile_tolerance", "tolerance_floor", "gap_tolerance", "solver", "max_iterations"),
-    *("penalty_scale", "proximal_shift", "line_search", "max_line_search", "max_problems", "dense_contacts"),
+    *("penalty_scale", "proximal_shift", "line_search", "max_line_search", "dense_contacts"),
     *("gauss_seidel_sweeps", "max_halvings", "on_nonconvergence", "threads"),
     *("checkpoint_steps", "checkpoint_time", "checkpoint_wall"),
 )
