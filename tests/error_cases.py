@@ -446,7 +446,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "until = ... s is shorter than the ... s between two frames": [
         ("run.until", 'until = 1.0 -> until = 1e-4\nmethod = "events"')
     ],
-    "e_N = 1 on plane ... against gravity: each bounce loses energy of the order of the step": [
+    "e_N = 1 on plane ... against gravity: each bounce ... energy of the order of the step": [
         ("restitution", "restitution = 0.5 -> restitution = 1.0")
     ],
     "the coefficient is ... at a slip of ... m/s": [

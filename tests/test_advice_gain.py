@@ -95,11 +95,24 @@ def test_the_law_of_the_paper_is_advised_against_before_and_after() -> None:
     assert "(Kane)" in advice.cause
     assert "restitution = 0.9" in advice.cure
     assert 'impact = "sequence"' in advice.cure
-    with pytest.warns(CaromWarning, match=r"energy rose by up to 2\.6 % in a step.*can gain \(Kane\)"):
+    with pytest.warns(
+        CaromWarning, match=r"energy rose by up to 2\.6 % in a step.*can gain: by friction \(Kane\)"
+    ):
         result = carom.simulate(scene)
     assert result.summary["energy"]["max_rise_relative"] == pytest.approx(
         1 / 38, rel=1e-2
     )  # of the energy after
+
+
+def test_a_gain_without_friction_is_not_laid_to_friction_alone() -> None:
+    """On a ceiling the law of the paper keeps the speed of the step's begin, and the way up within it."""
+    scene = carom.Scene(gravity=(0, 0, -9.8), run={"until": 0.02, "step": 1e-3, "impact": "sequence-paper"})
+    scene.contact("m", "m", friction=0.0, restitution=1.0)
+    scene.plane("lid", point=(0, 0, 1), normal=(0, 0, -1), material="m")
+    scene.sphere("a", radius=0.01, mass=0.03, at=(0, 0, 0.9725), velocity=(0, 0, 3), material="m")
+    with pytest.warns(CaromWarning, match="energy rose by up to .* and weight on ceilings; impact"):
+        energy = carom.simulate(scene).summary["energy"]
+    assert 0.5 < energy["max_rise"] / (0.03 * 9.8 * 1e-3 * 3) < 1
 
 
 def test_the_default_law_scales_and_says_so(tmp_path: Any) -> None:

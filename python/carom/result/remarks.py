@@ -71,9 +71,11 @@ def _gained(result: RunData) -> dict[str, Any] | None:
         return None
     run = result.scene.run
     if not LAWS[run.impact].energy or run.energy_safeguard is False:
+        why = {"printed": ": by friction (Kane), oblique hits, and weight on ceilings"}
         cure = (
-            ', of an impact law that can gain (Kane): impact = "sequence" with energy_safeguard = true cannot'
+            f", of an impact law that can gain{why.get(LAWS[run.impact].restitution, ' by friction (Kane)')}"
         )
+        cure += '; impact = "sequence" with energy_safeguard = true does not'
     elif jump := next((p for p in result.scene._advice() if JUMPS in p.cause), None):
         # A wall that jumps shifts balls and does no work on them.
         cure = f": {_called(jump)}: {jump.cause}; a shorter step does not cure that"

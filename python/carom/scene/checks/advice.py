@@ -11,9 +11,10 @@ from carom import _core
 from carom.arrays import F64, Bool
 from carom.errors import quoted
 from carom.scene.assembly.bodies import Bodies
-from carom.scene.assembly.placing import FLAT, Placed
+from carom.scene.assembly.placing import Placed
 from carom.scene.assembly.vectors import dot
 from carom.scene.checks.attachments import advise_loads
+from carom.scene.checks.bounces import advise_bounces
 from carom.scene.checks.curved_walls import advise_curved, below
 from carom.scene.checks.decay import advise_decays
 from carom.scene.checks.deformation import advise_deformation
@@ -57,12 +58,12 @@ def advise(parts: Whole) -> Iterator[Finding]:
     if not _has_substeps(parts):
         yield from advise_curved(parts)
         yield from advise_piles(parts)
+        yield from advise_bounces(parts)
     yield from _other_methods(parts)
     yield from _rounded_until(parts)
     yield from _large_results(parts)
     yield from _much_friction(parts)
     yield from _never_rolls(parts)
-    yield from _bounces(parts)
     yield from advise_gain(parts)
     yield from _heavy_shell(parts)
     yield from _mass_ratio(parts)
@@ -250,30 +251,6 @@ def _never_rolls(parts: Whole) -> Iterator[Finding]:
             cause = f"{law.rolling_radius:g} m is not below friction times radius, {limit:.4g} m"
             cause += ": a sliding ball never starts to roll"
             yield Finding(("contact", i, "rolling_radius"), cause, f"values below {limit:.2g} let balls roll")
-
-
-def _bounces(parts: Whole) -> Iterator[Finding]:
-    if _has_substeps(parts):
-        return
-    bodies, names = parts.bodies(), parts.materials()
-    kinds = {names[k] for k in np.unique(bodies.material) if k >= 0}
-    for i, law in parts.contacts():
-        if value_at(law.restitution, 0.0) < 1:
-            continue
-        for plane in parts.walls():
-            if plane.kind not in FLAT:
-                continue
-            a, b = law.between
-            meets = (a == plane.material and b in kinds) or (b == plane.material and a in kinds)
-            if meets and dot(parts.world.gravity, plane.shape[1]) < 0:
-                cause = f"e_N = 1 on plane {quoted(plane.name)} against gravity"
-                cause += ": each bounce loses energy of the order of the step"
-                yield Finding(
-                    ("contact", i, "restitution"),
-                    cause,
-                    "use a shorter step if heights of many bounces matter",
-                )
-                break
 
 
 def _mass_ratio(parts: Whole) -> Iterator[Finding]:
