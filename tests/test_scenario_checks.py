@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from carom import CaromWarning, ScenarioError, Scene, simulate
@@ -127,6 +129,55 @@ def test_bounces_without_loss() -> None:
     assert advice(scene) == []
     wall.point, wall.normal = (0, 0, -1), (0.1, 0, 1)
     assert any("each bounce loses energy" in line for line in advice(scene))
+
+
+@pytest.mark.parametrize("side", ["floor", "slope", "ceiling", "wall"])
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("law", ["sequence", "compliant", "sequence-paper"])
+def test_bounces_are_warned_of_where_they_change_energy(side: str, method: str, law: str) -> None:
+    """The advice says what a run does: a ball flies at a wall and back, without friction and with e_N = 1."""
+    h, speed = 1e-3, 3.0
+    normal = np.array(
+        {"floor": (0, 0, 1), "slope": (0.6, 0, 0.8), "ceiling": (0, 0, -1), "wall": (1, 0, 0)}[side]
+    )
+    change = []
+    for part in (0.2, 0.4, 0.6, 0.8):  # of a step, at which it hits
+        scene = Scene(gravity=(0, 0, -9.8), run={"until": 0.01, "step": h, "method": method, "impact": law})
+        scene.contact("m", "m", friction=0.0, restitution=1.0)
+        scene.plane("wall", point=(0, 0, 0), normal=normal.tolist(), material="m")
+        at = (0.015 + part * h * speed) * normal
+        scene.sphere(
+            "a", radius=0.01, mass=0.03, at=at.tolist(), velocity=(-speed * normal).tolist(), material="m"
+        )
+        told = [line for line in advice(scene) if "against gravity" in line]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CaromWarning)
+            energy = simulate(scene).summary["energy"]
+        change.append((energy["final"] - energy["initial"]) / (0.03 * 9.8 * h * speed))
+    assert max(map(abs, change)) < 1
+    does = "gains" if max(change) > 0.1 else "loses" if min(change) < -0.1 else ""
+    assert [f"each bounce {does}" in line for line in told] == [True] * bool(does)
+
+
+def test_a_ceiling_that_no_ball_reaches_is_not_warned_of() -> None:
+    scene = Scene(gravity=(0, 0, -9.8), run={"until": 1.0})
+    scene.contact("ball", "lid", friction=0.0, restitution=1.0)
+    scene.plane("lid", point=(0, 0, 1), normal=(0, 0, -1), material="lid")
+    ball = scene.sphere("a", radius=0.01, mass=1, at=(0, 0, 0.5), velocity=(0, 0, 3.0), material="ball")
+    assert advice(scene) == []  # 3.1 m/s get there
+    ball.velocity = (0, 0, 3.2)
+    assert any("each bounce loses" in line for line in advice(scene))
+
+
+def test_how_far_balls_have_to_go_apart() -> None:
+    scene = Scene(gravity=(0, 0, 0), run={"until": 1e-3, "method": "penalty"})
+    scene.contact("m", "m", friction=0.0, restitution=0.5)
+    for name, x in (("a", 0.0), ("b", 0.0189)):
+        scene.sphere(name, radius=0.01, mass=1, at=(x, 0, 0), material="m")
+    with pytest.raises(ScenarioError, match=r"gap -0\.0011 m; move them 0\.0001 m further apart"):
+        scene.validate()
+    scene.spheres[1].position = (0.019, 0, 0)
+    scene.validate()
 
 
 def test_inertia_above_that_of_a_shell() -> None:

@@ -27,7 +27,7 @@ from carom.scene.checks.flow import check_flow
 from carom.scene.checks.joint_start import check_start
 from carom.scene.checks.overlap import overlaps
 from carom.scene.checks.penalty import check_penalty
-from carom.scene.checks.walls import MOST, check_periodic, check_walls, start_overlap
+from carom.scene.checks.walls import MOST, TOUCHING, check_periodic, check_walls, start_overlap
 from carom.scene.messages import Finding
 from carom.scene.plan import MOST_STEPS, SLACK, whole_steps
 from carom.scene.tables.balls import MOST_BALLS, Generator
@@ -354,17 +354,19 @@ def _overlaps(parts: Parts) -> Iterator[Finding]:
     there = np.flatnonzero(bodies.present)
     position, radius = bodies.position[there], bodies.radius[there]
     together = bodies.clump[there]
-    for first, second, gap in overlaps(position, radius, start_overlap(parts), MOST, parts.periods, together):
+    admitted = start_overlap(parts)
+    for first, second, gap in overlaps(position, radius, admitted, MOST, parts.periods, together):
         a, b = int(there[first]), int(there[second])
+        too_deep = -gap - (admitted - TOUCHING) * min(radius[first], radius[second])
         names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
         cause = f"spheres {names} overlap at the start, gap {gap:.4g} m"
         section, index, key = parts.place(b)
         if section == "sphere":
-            cure = f"move them {-gap:.4g} m further apart"
+            cure = f"move them {too_deep:.4g} m further apart"
         elif section == "rack" and bodies.origin(a) == (section, index):
             cure = "give a larger gap or less jitter"
         elif section == "lattice" and bodies.origin(a) == (section, index):
             cure = "give a larger spacing or less jitter"
         else:
-            cure = f"move the {section} by more than {-gap:.4g} m"
+            cure = f"move the {section} by more than {too_deep:.4g} m"
         yield Finding((section, index, key), cause, cure)

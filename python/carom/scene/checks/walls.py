@@ -94,18 +94,18 @@ def check_walls(parts: Parts) -> Iterator[Finding]:
                 return
             reported += 1
             body, depth = int(there[k]), -float(gap[k])
+            too_deep = depth - (overlap - TOUCHING) * float(radius[k])
             name = quoted(bodies.names[body])
             if wall.kind == PLANE:
                 cause = f"sphere {name} reaches {depth:.4g} m behind {called(wall)}"
                 if depth > radius[k]:  # its centre is behind
                     cure = "move it to the side that the normal points to, or reverse the normal"
                 else:
-                    cure = f"move it by {depth:.4g} m along the normal of the plane"
+                    cure = f"move it by {too_deep:.4g} m along the normal of the plane"
             else:
                 cause = f"sphere {name} reaches {depth:.4g} m into {called(wall)}"
-                cure = (
-                    f"move it by {depth:.4g} m away from the wall{_other_side(wall, depth, float(radius[k]))}"
-                )
+                meant = _other_side(wall, depth, float(radius[k]))
+                cure = f"move it by {too_deep:.4g} m away from the wall{meant}"
             yield Finding(parts.place(body), cause, cure)
 
 
