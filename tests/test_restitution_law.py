@@ -92,6 +92,21 @@ def test_the_core_equals_the_oracle(law: str, scenes: int) -> None:
     assert redundant <= max(1, 0.025 * scenes)
 
 
+def test_an_approach_that_an_impact_makes_is_clipped_to_what_restitution_can_be() -> None:
+    """A heavy ball at 1 m/s drives a light one at 1.78 m/s against the next, where the law gives 1.11."""
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("m", "m", friction=0.0, restitution={"expression": "0.4 + 0.4*v"})
+    for name, mass, x, speed in (("a", 1.0, -0.02, 1.0), ("b", 0.01, 0.0, 0.0), ("c", 0.01, 0.02, 0.0)):
+        scene.sphere(name, radius=0.01, mass=mass, position=(x, 0, 0), velocity=(speed, 0, 0), material="m")
+    hits = simulated(scene, step=1e-3, until=1e-3).impacts
+    approach, separation = (np.asarray(hits[key])[:2] for key in ("approach", "separation"))
+    np.testing.assert_allclose(approach, [-1.0, -1.8 / 1.01], rtol=1e-12)
+    np.testing.assert_allclose(separation, [0.8, 1.8 / 1.01], rtol=1e-12)
+    scene.spheres[0].velocity = (1.8, 0, 0)
+    with pytest.raises(carom.RunFailed, match="restitution"):
+        simulated(scene, step=1e-3, until=1e-3)
+
+
 @LAW
 def test_piles_have_it_as_rows_have_it(law: str) -> None:
     scene = crooked(30, FORMS[0])

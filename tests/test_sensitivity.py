@@ -190,6 +190,15 @@ def test_what_parts_bodies_that_touch_has_no_derivative(gap: float) -> None:
     np.testing.assert_allclose(along.of("cue")[[0, 2], 0], [1.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("t", [0.1, 0.7])
+def test_a_ball_on_its_bed_that_is_thrown_up_or_down(t: float) -> None:
+    """The bed gives m (g t - v_z) either way: the speed of the slide grows by mu v_z, and it rolls v_z/g later."""
+    found = carom.sensitivity(shot(t, offset=9.0), ["cue.velocity.z"])
+    rolls = 2.0 * V / (7.0 * MU * G)
+    exact = MU * t if t < rolls else 2.0 / 7.0 * V / G
+    assert found.of("cue")[0, 0] == pytest.approx(exact, rel=1e-5)
+
+
 def test_a_gap_that_is_one_has_a_derivative() -> None:
     """A ball that slides has `x = v t - mu (g t^2/2 - gap)`: friction has the impulse of the bed, and that of its fall."""
     scene = shot(0.1)
