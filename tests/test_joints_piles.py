@@ -2,10 +2,9 @@
 
 import itertools
 
+import carom
 import numpy as np
 import pytest
-
-import carom
 
 R = 0.01
 
@@ -27,7 +26,7 @@ def rigid(rods: list[tuple[int, int]]) -> carom.Result:
 
 @pytest.mark.filterwarnings("ignore:.*hold the same motion:carom.CaromWarning")
 def test_reactions_that_repeat_one_another_are_the_least():
-    """28 rods where 18 hold: the motion is the same, and no choice of 18 has smaller reactions. They were 1e4 times as large."""
+    """28 rods where 18 hold: the motion is the same, and 18 have no smaller reactions. They were 1e4 times as large."""
     every = list(itertools.combinations(range(8), 2))
     few, rank = [], 0
     corners = np.array(list(itertools.product((0, 1), repeat=3)), dtype=float)

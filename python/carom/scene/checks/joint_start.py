@@ -247,7 +247,10 @@ def _redundant(parts: Parts) -> Iterator[Finding]:
                 name = dict(parts.tables(Joint))[index].name or default_name(index)
                 share = f"{implied} of the {len(of.rows)} conditions of joint {quoted(name)}"
                 cause = f"{share} hold the same motion as other joints"
-                cure = "where they agree leave them out: of many reactions the least are shown; where they do not the run will stop"
+                cure = (
+                    "where they agree leave them out: of many reactions the least are shown; "
+                    "where they do not the run will stop"
+                )
                 yield Finding(("joint", index), cause, cure)
 
 
