@@ -29,49 +29,40 @@ impl SmoothScratch {
     }
 
     fn least_of_group(&mut self, model: &Model, group: &CoupledBodies) {
-        // (place among the rows of the group, place among all, gradient), by body.
-        let mut at_body = vec![Vec::new(); group.bodies.len()];
-        let mut rows = Vec::new();
-        for &index in &group.joints {
-            let (joint, first) = (
-                &model.joints[index as usize],
-                self.first_row[index as usize],
-            );
-            let gradients = self.gradients[index as usize].iter();
-            for (r, sides) in (0..).zip(gradients.take(joint.rows.len())) {
-                for (side, body) in sides.iter().zip([joint.a, joint.b]) {
-                    if (body as usize) < model.bodies() {
-                        at_body[self.local[body as usize] as usize].push((rows.len(), *side));
-                    }
-                }
-                rows.push((first + r) as usize);
-            }
-        }
+        // What they do to each body, and the square of what they would by themselves.
+        let mut net = vec![[0.0; NODE_DOF]; group.bodies.len()];
         let mut size = 0.0;
-        let mut rhs = vec![0.0; rows.len()];
-        for (&body, touching) in group.bodies.iter().zip(&at_body) {
-            let inverse = inverses(model, body);
-            let mut net = [0.0; NODE_DOF];
-            for (row, g) in touching {
-                let lambda = self.lambda[rows[*row]];
-                for k in 0..NODE_DOF {
-                    net[k] += lambda * g[k];
-                    size += lambda * lambda * inverse[k] * g[k] * g[k];
-                }
+        self.for_rows(model, group, |row, body, g| {
+            let (lambda, inverse) = (self.lambda[row], inverses(model, body));
+            let net = &mut net[self.local[body as usize] as usize];
+            for k in 0..NODE_DOF {
+                net[k] += lambda * g[k];
+                size += lambda * lambda * inverse[k] * g[k] * g[k];
             }
-            let moved: [f64; NODE_DOF] = std::array::from_fn(|k| inverse[k] * net[k]);
-            for (row, g) in touching {
-                rhs[*row] += (0..NODE_DOF).map(|k| g[k] * moved[k]).sum::<f64>();
+        });
+        let mut done = 0.0;
+        for (net, &body) in net.iter_mut().zip(&group.bodies) {
+            for (net, inverse) in net.iter_mut().zip(inverses(model, body)) {
+                done += inverse * *net * *net;
+                *net *= inverse;
             }
         }
-        let done: f64 = rhs
-            .iter()
-            .zip(&rows)
-            .map(|(v, row)| v * self.lambda[*row])
-            .sum();
         if size <= HELD * done {
             return;
         }
+        // Rows of the group from 0 on, and those of each body.
+        let mut rows: Vec<usize> = Vec::new();
+        let mut at_body = vec![Vec::new(); group.bodies.len()];
+        let mut rhs = Vec::new();
+        self.for_rows(model, group, |row, body, g| {
+            if rows.last() != Some(&row) {
+                rows.push(row);
+                rhs.push(0.0);
+            }
+            let (own, local) = (rows.len() - 1, self.local[body as usize] as usize);
+            rhs[own] += g.iter().zip(&net[local]).map(|(g, v)| g * v).sum::<f64>();
+            at_body[local].push((own, *g));
+        });
         let entries = &mut self.matrix.list;
         entries.clear();
         for (&body, touching) in group.bodies.iter().zip(&at_body) {
@@ -79,23 +70,38 @@ impl SmoothScratch {
             for (k, (row, g)) in touching.iter().enumerate() {
                 for (col, h) in &touching[..=k] {
                     let value: f64 = (0..NODE_DOF).map(|c| inverse[c] * g[c] * h[c]).sum();
-                    let value = if row == col {
-                        (1.0 + SHIFT) * value
-                    } else {
-                        value
-                    };
-                    entries.push((*row as u32, *col as u32, value));
+                    let shift = if row == col { 1.0 + SHIFT } else { 1.0 };
+                    entries.push((*row as u32, *col as u32, shift * value));
                 }
             }
         }
         let mut least = vec![0.0; rows.len()];
         let (col_ptr, row_idx, values) = self.matrix.compressed(rows.len());
-        let factored = self
-            .reactions
-            .refactor(rows.len(), col_ptr, row_idx, values);
+        let factored = (self.reactions).refactor(rows.len(), col_ptr, row_idx, values);
         if factored.is_ok() && self.reactions.solve(&rhs, &mut least).is_ok() {
             for (row, least) in rows.iter().zip(&least) {
                 self.lambda[*row] = *least;
+            }
+        }
+    }
+
+    /// Rows of the joints of a group, each with its bodies and its gradient over them.
+    fn for_rows(
+        &self,
+        model: &Model,
+        group: &CoupledBodies,
+        mut each: impl FnMut(usize, u32, &[f64; NODE_DOF]),
+    ) {
+        for &index in &group.joints {
+            let joint = &model.joints[index as usize];
+            let first = self.first_row[index as usize] as usize;
+            let gradients = self.gradients[index as usize].iter();
+            for (r, sides) in gradients.take(joint.rows.len()).enumerate() {
+                for (side, body) in sides.iter().zip([joint.a, joint.b]) {
+                    if (body as usize) < model.bodies() {
+                        each(first + r, body, side);
+                    }
+                }
             }
         }
     }
