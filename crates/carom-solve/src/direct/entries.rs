@@ -7,6 +7,9 @@ use super::{DirectError, SparseLu};
 #[derive(Default)]
 pub struct Entries {
     pub list: Vec<(u32, u32, f64)>,
+    /// Columns and rows of the list that the plan is of, and the place of each among the values.
+    keys: Vec<u64>,
+    slots: Vec<u32>,
     col_ptr: Vec<usize>,
     row_idx: Vec<usize>,
     values: Vec<f64>,
@@ -48,17 +51,33 @@ impl Entries {
     }
 
     fn compress(&mut self, n: usize) {
-        (self.list).sort_by_key(|&(row, col, _)| (u64::from(col) << 32) | u64::from(row));
+        let key = |&(row, col, _): &(u32, u32, f64)| (u64::from(col) << 32) | u64::from(row);
+        if self.col_ptr.len() != n + 1 || !self.list.iter().map(key).eq(self.keys.iter().copied()) {
+            self.keys.clear();
+            self.keys.extend(self.list.iter().map(key));
+            self.plan(n);
+        }
+        self.values.clear();
+        self.values.resize(self.row_idx.len(), 0.0);
+        for (&(_, _, value), &slot) in self.list.iter().zip(&self.slots) {
+            self.values[slot as usize] += value;
+        }
+    }
+
+    /// Where each entry of the list goes.
+    fn plan(&mut self, n: usize) {
+        let mut places = self.keys.clone();
+        places.sort_unstable();
+        places.dedup();
+        let slot = |key: &u64| places.partition_point(|place| place < key) as u32;
+        self.slots.clear();
+        self.slots.extend(self.keys.iter().map(slot));
         self.col_ptr.clear();
         self.col_ptr.resize(n + 1, 0);
         self.row_idx.clear();
-        self.values.clear();
-        for same in self.list.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
-            let (row, col, first) = same[0];
-            let value = same[1..].iter().fold(first, |sum, other| sum + other.2);
-            self.row_idx.push(row as usize);
-            self.values.push(value);
-            self.col_ptr[col as usize + 1] += 1;
+        for place in places {
+            self.row_idx.push(place as u32 as usize);
+            self.col_ptr[(place >> 32) as usize + 1] += 1;
         }
         for col in 0..n {
             self.col_ptr[col + 1] += self.col_ptr[col];
