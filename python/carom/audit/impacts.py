@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from carom.arrays import F64, I64
-from carom.audit import answers, bounds, carried, flights, forces, groups, hits, loads_once, recorded, replay
+from carom.audit import answers, bounds, carried, flights, forces, hits, loads_once, recorded, replay
 from carom.audit.block import Block
 from carom.audit.centres import at_walls, riding
 from carom.audit.closing import closing
@@ -110,10 +110,10 @@ def _ends(block: Block, tally: Tally, r: Hits, group: I64) -> None:
     run = block.run
     last = np.zeros(group.max(initial=-1) + 1, dtype=np.int64)
     np.maximum.at(last, group, r.problem)
-    # Piles have neither joints nor loads that depend on the motion; which islands have clumps is not recorded.
-    tied = groups.held(block)[r.k, r.a] if run.has_contacts else run.answering.any()
-    tied = tied | bool(run.clumps)
-    sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least) & ~tied
+    # Piles have neither clumps nor joints, nor loads that depend on the motion. Which islands have these is not recorded:
+    # closed contacts without impulse join them, too.
+    free = not (run.clumps or run.answering.any())
+    sums = block.summed[r.k] & (hits.pairs(block, r, group) > block.least) & free
     final = r.of((r.problem == last[group]) | (sums & (r.problem > 0)))
     own = compliance(run, final.a, final.b)[0]
     scale = (norm(block.v1) + run.radius * norm(block.w1) + norm(run.gravity) * run.h)[final.k, final.a]
