@@ -10,6 +10,7 @@ with the ways `y` and the velocities `dV_P` that position impulses and impulses 
 and drag answer (`answers`). So the energy falls by `L . y/h`, or by `L . dV_P/2`, beyond all works. That is exact for loads
 that do not change in the step, and of second order in their change. `L` is that of the laws (`loads`), of clumps at their
 first balls, about their centres. Of functions of the user it is what the frames leave of balls that no joint holds.
+The weight is a load, too: on impulses of contacts themselves it is part of the balance (`energy`), on answers to them here.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from carom.arrays import F64
 from carom.audit import answers, carried, clump_loads, cohesion, forces, wrenches
 from carom.audit.block import Block
 from carom.audit.loads import of_loads
-from carom.audit.vectors import cross
+from carom.audit.vectors import cross, dot
 
 
 def on_bodies(block: Block) -> F64:
@@ -48,7 +49,25 @@ def on_bodies(block: Block) -> F64:
         sums = forces.of_contacts(block)
         ways = answers.given(block, np.concatenate([sums.shift, sums.shift_moments[0]], axis=-1))
     for moved in (half, ways):
-        for body in run.clumps.first:
-            moved[:, body, :3] -= cross(moved[:, body, 3:], wrenches.centre_of_ball(block, body, 1))
+        _to_centres(block, moved)
     each = (stored * ways / h + (given - stored) * half).sum(axis=-1)
     return np.where(block.single[:, None], np.nan_to_num(each), 0.0)
+
+
+def by_weight(block: Block) -> F64:
+    """(B, N) J of Moreau-Jean, in whole steps, by the weight on what joints, dampers and drag answer; 0 in others."""
+    run = block.run
+    if run.method != "moreau" or not run.answering.any():
+        return np.zeros((block.count, run.bodies))
+    sums = forces.of_contacts(block)
+    given = answers.given(block, np.concatenate([sums.impulse, sums.moments[0]], axis=-1))
+    _to_centres(block, given)
+    nodes = np.where(run.node == np.arange(run.bodies), run.heavy, 0.0)
+    each = nodes * dot(given[..., :3], run.falls) - dot(sums.impulse, run.falls)
+    return np.where(block.single[:, None], 0.5 * run.h * each, 0.0)
+
+
+def _to_centres(block: Block, moved: F64) -> None:
+    """Makes ways (B, N, 6) of the first balls of clumps those of the clumps."""
+    for body in block.run.clumps.first:
+        moved[:, body, :3] -= cross(moved[:, body, 3:], wrenches.centre_of_ball(block, body, 1))

@@ -7,7 +7,7 @@ Between two frames, with weight alone and whole steps, exactly
 
 where `sum nu` and `sum P` run over what the balls got from contacts: the position correction lifts bodies (nsga), and the
 theta rule moves them by the mean of velocities that contacts changed at its end (moreau). So do other loads than the weight
-lift what contacts move (`borne`). Works are recorded by cause,
+lift what contacts move, and the weight what joints answer (`borne`). Works are recorded by cause,
 relative to moving walls, whose own work (`energy_work`) is taken with the mean of their velocities at both ends of the
 step: the two differ by half of the change of the wall's velocity times its impulses.
 """
@@ -166,7 +166,7 @@ def _balance(block: Block, tally: Tally) -> None:
         lift = lift + 0.5 * run.h * _lifted(run, c, c.impulse)
         gained = run.mass * dot(block.v1 - block.v0, run.falls)
         change = change + (float(run.options["theta"]) - 0.5) * run.h * gained
-    carried = borne.on_bodies(block)
+    carried = borne.on_bodies(block) + borne.by_weight(block)
     value = summed(change + carried, lift - work)
     outer = np.divmod(label[:, -1], run.bodies + 1)
     # What the steps have of the whole, less all other groups, is the outer one's.
@@ -196,9 +196,11 @@ def _balance(block: Block, tally: Tally) -> None:
     off = 0.5 * _once_step(block)[c.k] * impulse * norm(run.gravity)
     if run.projects:  # along the normals of all steps between the frames
         off = off + np.where(block.single[c.k], 0.0, 2.0 * moved * norm(block.end[1] - block.start[1]))
-    # Joints answer what contacts move, by position impulses of which there is no record.
-    jointed = np.append(run.jointed, False)
-    off = off + np.where(jointed[c.a] | jointed[np.minimum(c.b, run.bodies)], moved, 0.0)
+    # Joints answer what contacts move, by position impulses of which there is no record; of several steps not where.
+    jointed, answer = np.append(run.jointed, False), moved
+    if run.method == "moreau":
+        answer = answer + np.where(block.single[c.k], 0.0, 0.5 * run.h * impulse * norm(run.gravity))
+    off = off + np.where(jointed[c.a] | jointed[np.minimum(c.b, run.bodies)], answer, 0.0)
     bound = summed(_forced(block) + turned_slack, solved + off + _walls(block))
     bound = bound + EPS * (16.0 + run.bodies) * (2.0 + block.n)[:, None] * top + unsure[:, None]
     # Of who leaves; and the works of the box are in the whole alone.
