@@ -37,8 +37,7 @@ class Group(NamedTuple):
     bodies: I64
     slot: I64
     """(B,) the number of an interval among the A, -1 where the group had no contact in one whole step."""
-    answer: F64
-    """(A, 6n, 6n) velocities over momenta."""
+    answer: gradients.Answer
 
 
 class Answers:
@@ -61,8 +60,9 @@ class Answers:
             self.group_of[np.isin(run.node, bodies)] = len(self.groups)
             slot = np.full(block.count, -1)
             slot[active] = np.arange(len(active))
-            answer, unsure = _answers(block, bodies, active)
+            answer = _answers(block, bodies, active)
             self.groups.append(Group(bodies, slot, answer))
+            unsure = answer.unsure.copy()
             unsure[_repeated(block, self.groups[-1])] = True
             self.unsure[np.ix_(active[unsure], np.flatnonzero(np.isin(run.node, bodies)))] = True
 
@@ -90,8 +90,7 @@ class Answers:
             given = np.zeros((len(which), len(group.bodies), 6))
             at_nodes = np.searchsorted(group.bodies, run.node[body[mine]])
             add_at(given, (row, at_nodes), self._about_nodes(k[mine], body[mine], momenta[mine]))
-            matrix = group.answer[group.slot[which]]
-            moved = np.einsum("aij,aj->ai", matrix, given.reshape(len(which), -1)).reshape(given.shape)
+            moved = group.answer.of(given, group.slot[which])
             for node, motion in zip(group.bodies.tolist(), moved.swapaxes(0, 1), strict=True):
                 balls = np.flatnonzero(run.node == node) if run.in_clump[node] else np.array([node])
                 where.append((which[:, None] * n + balls).ravel())
@@ -157,13 +156,10 @@ def unheld(block: Block, off: F64, bound: F64, held: F64) -> tuple[F64, F64]:
     for names, joints in joined(run):
         bodies = np.array(names, dtype=np.int64)
         mine, places = np.ix_(single, bodies), (block.x1[single], block.q1[single])
-        answer, _ = gradients.answer(run, bodies, places, answering=False)
+        answer = gradients.answer(run, bodies, places, answering=False)
         inert = np.stack([run.heavy[bodies], run.node_inertia[bodies]], axis=1)
         most = np.stack([run.heavy[bodies], gradients.largest(run)[bodies]], axis=1)
-        given = np.einsum(
-            "aij,aj->ai", gradients.inert(run, bodies, places), off[mine].reshape(len(single), -1)
-        )
-        off[mine] = np.einsum("aij,aj->ai", answer, given).reshape(len(single), -1, 6)
+        off[mine] = answer.of(np.einsum("anij,anj->ani", gradients.inert(run, bodies, places), off[mine]))
         # Also by what contacts move the bodies at the position level.
         pushed = forces.of_contacts(block).shift_size[:, bodies] / np.sqrt(run.mass[bodies])
         fast = pushed.max(axis=1) / run.h if run.has_contacts else 0.0
@@ -224,11 +220,9 @@ def _repeated(block: Block, group: Group) -> I64:
         parts[each, at, :3] = sign * c.normal[mine]
         parts[each, at, 3:] = sign * cross(gradients.from_nodes(run, body, places[1]), c.normal[mine])
         alone += free_turns.inverse_mass(block, c.k[mine], body, c.normal[mine])
-    row = parts.reshape(len(mine), 6 * len(bodies))
     if not len(mine):
         return mine
-    held, _ = gradients.answer(run, bodies, places, answering=False)
-    gives = np.einsum("ki,kij,kj->k", row, held, row)
+    gives = (parts * gradients.answer(run, bodies, places, answering=False).of(parts)).sum(axis=(1, 2))
     return np.unique(group.slot[c.k[mine]][gives < REPEATED * alone])
 
 
@@ -255,8 +249,8 @@ def _answering(run: Run) -> Iterator[I64]:
         yield bodies[run.linked[bodies] == number]
 
 
-def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
-    """The answers of a group in some intervals, and where they are not sure."""
+def _answers(block: Block, bodies: I64, active: I64) -> gradients.Answer:
+    """The answers of a group in some intervals."""
     run = block.run
     ends: list[Places] = [(x[active], q[active]) for x, q in ((block.x0, block.q0), (block.x1, block.q1))]
     if run.method != "moreau":
@@ -283,6 +277,5 @@ def _answers(block: Block, bodies: I64, active: I64) -> tuple[F64, Bool]:
         else:  # springs are taken there too, not at the places of the frame
             there = theta * run.h * pulled_from(block, active, (x, q))[:, bodies] / inert
             apart = inert * (new - old - pushed - there)
-        apart = apart.reshape(len(active), -1)
-        smooth = new - np.einsum("aij,aj->ai", found[0], apart).reshape(new.shape)
+        smooth = new - found.of(apart)
     return found
