@@ -95,6 +95,7 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
         report.residual_smooth = relative;
         if relative <= tolerance {
             scratch.position.copy_from_slice(&trial.position);
+            smooth.least_reactions(model);
             return Ok(());
         }
         if !relative.is_finite() || iteration == model.options.max_iterations {
@@ -108,7 +109,6 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
         if !solved {
             break;
         }
-        smooth.least_reactions(model);
         report.iterations_smooth = report.iterations_smooth.max(iteration + 1);
         clump::turn_by_moments(on)?;
     }

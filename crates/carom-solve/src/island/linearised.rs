@@ -127,7 +127,6 @@ impl Newton {
         let (mut done, mut since, mut before) = (0, 0, f64::INFINITY);
         // Normals of positions turn, and momentum would lead astray. Measures of velocities change with loads, and where they have rows of their own.
         let turns = on.options.gap_tolerance.is_finite();
-        let has_joints = on.system.contacts.iter().any(|c| c.bilateral);
         loop {
             let terms = self.evaluate(on, x);
             if done == 0 && on.system.load_feedback() > MOST_FEEDBACK {
@@ -138,8 +137,6 @@ impl Newton {
             self.history.push(total.residual);
             let missed = (total.residual / on.options.tolerance).max(self.missed(on));
             total.converged = total.residual < on.options.tolerance && missed < 1.0;
-            // Multipliers of contacts that come into their cones would move what joints hold.
-            total.converged &= done > 0 || !has_joints || x[..on.system.rows()] == self.at.phi;
             if total.converged || !terms.residual.is_finite() || done >= most {
                 break;
             }
@@ -177,13 +174,25 @@ impl Newton {
             done += count;
             since += count;
         }
-        self.row_sweeps = sweeps;
         let (lambda, u) = x.split_at_mut(on.system.rows());
         if done == 0 {
             lambda.copy_from_slice(&self.at.phi);
+            if on.system.contacts.iter().any(|c| c.bilateral) {
+                // Contacts that come into their cones move what joints hold.
+                sweeps.begin(on.system);
+                let held = (sweeps.open(on.system, &self.at.z, lambda, u))
+                    .and_then(|()| sweeps.hold(lambda));
+                if held.is_err() {
+                    self.row_sweeps = sweeps;
+                    return None;
+                }
+                self.at.phi.copy_from_slice(lambda);
+            }
             on.system.correction(lambda, u);
+            self.row_sweeps = sweeps;
             return Some(total);
         }
+        self.row_sweeps = sweeps;
         // Sweeps leave multipliers in their cones: these are the solution, and not what a step further would make of them.
         self.at.phi.copy_from_slice(lambda);
         let contacts = on.system.contacts.iter().zip(&mut self.at.statuses);

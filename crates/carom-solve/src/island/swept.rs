@@ -169,7 +169,8 @@ impl RowSweeps {
             states: &mut self.states,
             beta,
         });
-        self.joints.solve(&mut self.states, beta, &mut sums);
+        // What they leave open where they are not solved is seen at the next look.
+        let _ = self.joints.solve(&mut self.states, beta, &mut sums);
         let [changed, size] = sums;
         self.age = match self.age {
             0 => 1,
@@ -182,6 +183,13 @@ impl RowSweeps {
         } else {
             0.0
         }
+    }
+
+    /// Joints alone, once: their multipliers.
+    pub fn hold(&mut self, lambda: &mut [f64]) -> Result<(), DirectError> {
+        self.joints.solve(&mut self.states, 0.0, &mut [0.0; 2])?;
+        self.joints.write(lambda);
+        Ok(())
     }
 
     /// The multipliers.

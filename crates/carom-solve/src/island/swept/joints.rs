@@ -89,21 +89,22 @@ impl Joints {
     }
 
     /// Solves them where the nodes are, from multipliers that go `beta` on. Adds what changed and what there is, in the square over the masses.
-    pub fn solve(&mut self, states: &mut [State], beta: f64, sums: &mut [f64; 2]) {
+    pub fn solve(
+        &mut self,
+        states: &mut [State],
+        beta: f64,
+        sums: &mut [f64; 2],
+    ) -> Result<(), DirectError> {
         if self.rows.is_empty() {
-            return;
+            return Ok(());
         }
         self.measured.clear();
-        self.measured
-            .extend(self.rows.iter().zip(&self.free).map(|(row, free)| {
-                let of = |side: usize| along(&row.jac[side], &states[row.nodes[side]]);
-                -(free + of(0) + of(1))
-            }));
-        self.change.resize(self.rows.len(), 0.0);
-        if self.llt.solve(&self.measured, &mut self.change).is_err() {
-            // They stay as they are, and the island is not solved.
-            self.change.fill(f64::NAN);
+        for (row, free) in self.rows.iter().zip(&self.free) {
+            let of = |side: usize| along(&row.jac[side], &states[row.nodes[side]]);
+            self.measured.push(-(free + of(0) + of(1)));
         }
+        self.change.resize(self.rows.len(), 0.0);
+        self.llt.solve(&self.measured, &mut self.change)?;
         for (row, change) in self.rows.iter_mut().zip(&self.change) {
             let on = beta * (row.lambda - row.last);
             row.last = row.lambda;
@@ -118,6 +119,7 @@ impl Joints {
                 }
             }
         }
+        Ok(())
     }
 
     /// The multipliers.
