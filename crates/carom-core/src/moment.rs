@@ -7,7 +7,7 @@ use crate::candidates::push_candidate;
 use crate::contact::ContactKey;
 use crate::level::Demand;
 use crate::model::Model;
-use crate::outcome::Failure;
+use crate::outcome::{Failure, ImpactRecord};
 use crate::report::StepReport;
 use crate::scratch::Scratch;
 use crate::state::State;
@@ -70,13 +70,11 @@ pub fn impact(
     let span = Span::moment(time, h);
     let before = scratch.impacts.len();
     correct_velocities(model, state, scratch, span, Demand::Converged, report)?;
-    // What the loads alone gave has no size: it is no impact.
-    let mut row = 0;
-    scratch.impacts.retain(|impact| {
-        row += 1;
-        let given = impact.impulse.length();
-        row <= before || given > NO_IMPACT * LOAD * fastest * model.mass[impact.a as usize]
-    });
+    // What the loads alone gave has no size: it is no impact. Rows of impacts before are none of this one's business.
+    let least = |body: u32| NO_IMPACT * LOAD * fastest * model.mass[body as usize];
+    let rows = scratch.impacts.split_off(before).into_iter();
+    let acts = |row: &ImpactRecord| row.impulse.length() > least(row.a);
+    scratch.impacts.extend(rows.filter(acts));
     for (&i, load) in spheres.iter().zip(&loads) {
         let [v, w] = scratch.jump[i];
         state.velocity[i] += v;

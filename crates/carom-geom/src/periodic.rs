@@ -141,6 +141,9 @@ impl Periodic {
 
     /// Of a box that is not sheared: whether `x` or an image of it lies between two corners (m), which count. A length or more covers an axis.
     pub fn in_box(&self, x: DVec3, low: DVec3, high: DVec3) -> bool {
+        if !self.any {
+            return (x.cmpge(low) & x.cmple(high)).all();
+        }
         // The lowest image that is not below the box.
         let first = x - self.length * ((x - low) * self.inverse).floor();
         let repeats = self.length.cmpgt(DVec3::ZERO);
