@@ -57,15 +57,17 @@ impl Run<'_> {
     }
 
     /// The level surface that carries ball `i` in its present state, and the gap (m) to it. None where two do by different laws: they share its load.
-    pub fn support(&self, i: usize) -> Option<(Support, f64)> {
+    pub fn support(&mut self, i: usize) -> Option<(Support, f64)> {
         let (model, x, v) = (self.model, self.state.position[i], self.state.velocity[i]);
         let r = model.radius[i];
         if !self.state.present[i] {
             return None;
         }
+        let none = self.nothing(r).speed;
         let ahead = x + AHEAD * r * v.normalize_or_zero();
-        let walls = model.walls.iter().enumerate();
-        let mut carrying = walls.filter_map(|(w, wall)| {
+        let walls = self.events.near[i].walls(model, x, r, JOINS * r);
+        let mut carrying = walls.iter().filter_map(|&w| {
+            let wall = &model.walls[w];
             if wall.shape.clearance(x, r) > JOINS * r {
                 return None;
             }
@@ -73,7 +75,7 @@ impl Run<'_> {
             let n = met.normal;
             let g = -model.gravity.dot(n);
             // What comes down meets it first; what has hardly left it has not.
-            let (rises, none) = (v.dot(n), self.nothing(r).speed);
+            let rises = v.dot(n);
             let stays = rises <= none.max(0.5 * FLIGHT * g) && rises >= -none;
             let flat = wall.shape.meet(ahead, r).curvature == 0.0 && met.curvature == 0.0;
             if !(g > 0.0 && is_level(n, model.gravity) && stays && flat) {

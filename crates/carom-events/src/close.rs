@@ -48,7 +48,8 @@ impl Run<'_> {
         };
         for i in (0..n).filter(|&i| state.present[i]) {
             let (x, r) = (state.position[i], model.radius[i]);
-            for wall in &model.walls {
+            for &w in self.events.near[i].walls(model, x, r, 0.0) {
+                let wall = &model.walls[w];
                 if wall.shape.clearance(x, r) < 0.0 {
                     let gap = wall.shape.meet(x, r).gap;
                     deepest(gap, r, report);

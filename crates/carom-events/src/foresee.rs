@@ -2,8 +2,10 @@
 
 use crate::meet::{self, along, Course, Meeting, Nothing, Off, Reach};
 use crate::motion::Motion;
+use crate::near::Near;
 use crate::queue::{Queue, What};
 use crate::roots::{falls, value};
+use crate::step::JOINS;
 use carom_core::flow::Outlet;
 use carom_core::{Model, State};
 use carom_geom::Shape;
@@ -48,7 +50,7 @@ impl Foresight<'_> {
     }
 
     /// What ball `i`, that sets off now, meets alone. Returns when its motion ends at the latest: nothing else that happens later will.
-    pub fn alone(&self, i: usize, queue: &mut Queue) -> f64 {
+    pub fn alone(&self, i: usize, near: &mut Near, queue: &mut Queue) -> f64 {
         let m = &self.motions[i];
         if m.ends <= self.end {
             queue.push(m.ends, (i as u32, i as u32), What::Change);
@@ -64,8 +66,12 @@ impl Foresight<'_> {
         };
         // What stands meets nothing that stands, and asks no wall.
         let moves = course[1] != DVec3::ZERO || course[2] != DVec3::ZERO;
-        let walls = if moves { &self.model.walls[..] } else { &[] };
-        for (w, wall) in walls.iter().enumerate() {
+        let walls = match moves {
+            true => near.walls(self.model, reach.middle, r, reach.radius + JOINS * r),
+            false => &[],
+        };
+        for &w in walls {
+            let wall = &self.model.walls[w];
             let bodies = (i as u32, (n + w) as u32);
             let (met, what) = if m.support.is_some_and(|s| s.wall == bodies.1) {
                 let time = leaves(&wall.shape, &course, &off, left, &nothing);

@@ -75,6 +75,7 @@ impl Run<'_> {
         let Events {
             motions,
             curves,
+            near,
             group,
             touching,
             ..
@@ -91,7 +92,8 @@ impl Run<'_> {
             next += 1;
             let r = model.radius[i];
             let x = motions[i].exact_place(r, &curves[i], t);
-            for (w, wall) in model.walls.iter().enumerate() {
+            for &w in near[i].walls(model, x, r, JOINS * r) {
+                let wall = &model.walls[w];
                 let joins = wall.shape.clearance(x, r) <= JOINS * r
                     && wall.shape.meet(x, r).gap <= JOINS * r;
                 if joins && model.law_of(i, n + w).is_some() {

@@ -124,23 +124,22 @@ impl Run<'_> {
 
     /// Whether some contact carried a load in the last step that is no level surface under its ball. What lies on such needs none, whatever rolling
     /// resistance may hold between two of them.
-    fn is_loaded(&self, h: f64) -> bool {
+    fn is_loaded(&mut self, h: f64) -> bool {
         let (n, g) = (self.model.bodies(), self.model.gravity.length());
+        let on: Vec<_> = (0..n).map(|i| self.support(i)).collect();
         let lies = |body: u32| {
             let i = body as usize;
             let (v, w) = (&self.state.velocity, &self.state.angular_velocity);
             i >= n || {
                 let r = self.model.radius[i];
                 let still = v[i].length() + r * w[i].length() <= self.nothing(r).speed;
-                still && self.support(i).is_some()
+                still && on[i].is_some()
             }
         };
         let presses = |c: &Contact| {
             let i = c.a as usize;
             c.lambda[0] > LOADED * self.model.mass[i] * g * h
-                && self
-                    .support(i)
-                    .is_none_or(|(s, _)| (c.b as usize) < n || c.n1 != s.normal)
+                && on[i].is_none_or(|(s, _)| (c.b as usize) < n || c.n1 != s.normal)
                 && !(lies(c.a) && lies(c.b))
         };
         self.scratch.contacts.iter().any(presses)

@@ -18,6 +18,7 @@ mod group;
 mod handover;
 mod meet;
 mod motion;
+mod near;
 mod queue;
 pub mod roots;
 mod series;

@@ -3,6 +3,7 @@
 use crate::curved::Curve;
 use crate::foresee::{Foresight, FLIGHT};
 use crate::motion::Motion;
+use crate::near::Near;
 use crate::queue::{Event, Queue, What};
 use crate::sums::Sums;
 use carom_core::contact::ContactKey;
@@ -20,11 +21,12 @@ pub const JOINS: f64 = 1e-9;
 /// Events in a step at most: so many, and so many more for each second of it. Fewer: breaks of many balls are refused; more: it takes long to say that impacts
 /// follow one another without end.
 const MOST_EVENTS: [f64; 2] = [1e5, 1e6];
-/// Method `events`. Nothing here outlives a step.
+/// Method `events`. Nothing here outlives a step but lists of walls, which change no result.
 pub struct Events {
     pub motions: Vec<Motion>,
     /// Of the balls whose slides turn.
     pub curves: Vec<Curve>,
+    pub near: Vec<Near>,
     pub queue: Queue,
     pub sums: Sums,
     pub group: Vec<usize>,
@@ -41,6 +43,7 @@ impl Events {
             stepping,
             motions: Vec::new(),
             curves: Vec::new(),
+            near: Vec::new(),
             queue: Queue::default(),
             sums: Sums::default(),
             group: Vec::new(),
@@ -153,8 +156,10 @@ impl Run<'_> {
         self.events.motions.clear();
         self.events.motions.resize(n, Motion::default());
         self.events.curves.resize(n, Curve::default());
+        self.events.near.resize(n, Near::default());
         for i in 0..n {
-            self.set_off(i, now, self.support(i), false);
+            let on = self.support(i);
+            self.set_off(i, now, on, false);
         }
         self.foresee(&self.present(), now);
     }
@@ -173,7 +178,12 @@ impl Run<'_> {
 
     /// What will happen to some balls that set off, in the order of their numbers.
     fn foresee(&mut self, balls: &[usize], now: f64) {
-        let Events { motions, queue, .. } = &mut *self.events;
+        let Events {
+            motions,
+            near,
+            queue,
+            ..
+        } = &mut *self.events;
         let foresight = Foresight {
             model: self.model,
             state: self.state,
@@ -185,7 +195,7 @@ impl Run<'_> {
         for &i in balls {
             let motion = &mut foresight.motions[i];
             motion.ends = motion.start + motion.holds;
-            foresight.motions[i].ends = foresight.alone(i, queue);
+            foresight.motions[i].ends = foresight.alone(i, &mut near[i], queue);
         }
         for (k, &i) in balls.iter().enumerate() {
             // Each pair of them once.
@@ -264,7 +274,8 @@ impl Run<'_> {
     pub fn go_on(&mut self, balls: &[usize], t: f64) {
         for &i in balls {
             self.events.queue.forget(i);
-            self.set_off(i, t, self.support(i), false);
+            let on = self.support(i);
+            self.set_off(i, t, on, false);
         }
         self.foresee(balls, t);
     }
