@@ -15,14 +15,13 @@ pub type Course = [DVec3; 3];
 /// How far a ball may be off its course, m, in the same way.
 pub type Off = [f64; 4];
 
-/// What counts as nothing: gap and how far off a course (m), speed (m/s), acceleration (m/s^2); and the time (s) below which a flight between two contacts is none.
+/// What counts as nothing: gap and how far off a course (m), speed (m/s), acceleration (m/s^2).
 #[derive(Clone, Copy, Debug)]
 pub struct Nothing {
     pub gap: f64,
     pub off: f64,
     pub speed: f64,
     pub acceleration: f64,
-    pub flight: f64,
 }
 
 /// A bound of a way is more by this (1): of its rounding.
@@ -149,15 +148,16 @@ fn first_close<const N: usize>(
         true => match opened(f, off, nothing) {
             Ok(rest) => rest,
             Err(Meeting::Closer(t)) if t > end => return Meeting::Never,
-            // What moves so shortly comes to rest.
-            Err(Meeting::Pressed) if end <= nothing.flight => return Meeting::Never,
+            // What closes by no more than rounding until its motion ends comes to rest.
+            Err(Meeting::Pressed) if f[0] - value(&f, end) <= nothing.off => return Meeting::Never,
             Err(meeting) => return meeting,
         },
         false => f,
     };
     match falls(rest, end).find(|&t| is_there(t)) {
         Some(t) if value(off, t) > nothing.off => Meeting::Closer(t),
-        Some(t) if touches && t <= nothing.flight => Meeting::Pressed,
+        // It has not opened: half of the way is the highest of a bounce.
+        Some(t) if touches && value(&f, 0.5 * t) <= nothing.gap => Meeting::Pressed,
         Some(t) => Meeting::At(t),
         None => Meeting::Never,
     }
