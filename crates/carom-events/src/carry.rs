@@ -1,8 +1,9 @@
 //! One ball between two events: how it sets off, on a level surface or through the air, and where it has come to.
 
 use crate::check::is_level;
+use crate::meet::JOINS;
 use crate::motion::{Motion, Support};
-use crate::step::{Run, JOINS};
+use crate::step::Run;
 use glam::DVec3;
 
 /// Steps (1) of the place at which a surface is asked for: a share of the radius ahead, so that a ball at its edge has left it.

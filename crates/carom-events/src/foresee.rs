@@ -1,11 +1,10 @@
 //! What will happen to a ball as it moves now: everything that may end its motion goes into the queue.
 
-use crate::meet::{self, along, Course, Meeting, Nothing, Off, Reach};
+use crate::meet::{self, along, Course, Meeting, Nothing, Off, Reach, JOINS};
 use crate::motion::Motion;
 use crate::near::Near;
 use crate::queue::{Queue, What};
 use crate::roots::{falls, value};
-use crate::step::JOINS;
 use carom_core::flow::Outlet;
 use carom_core::{Model, State};
 use carom_geom::Shape;

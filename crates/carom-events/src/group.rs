@@ -1,6 +1,7 @@
 //! An impact: of which bodies, and what becomes of them.
 
-use crate::step::{Events, Run, JOINS};
+use crate::meet::JOINS;
+use crate::step::{Events, Run};
 use carom_core::contact::ContactKey;
 use carom_core::moment::impact;
 use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};

@@ -24,6 +24,9 @@ pub struct Nothing {
     pub acceleration: f64,
 }
 
+/// Gap over the smaller radius (1) up to which contacts join the group of an impact.
+pub const JOINS: f64 = 1e-9;
+
 /// A bound of a way is more by this (1): of its rounding.
 const MORE: f64 = 1.0 + 1e-9;
 

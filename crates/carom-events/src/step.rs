@@ -16,8 +16,6 @@ use carom_core::transition::Kind;
 use carom_core::{Model, State, StepReport};
 use glam::DVec3;
 
-/// Gap over the smaller radius (1) up to which contacts join the group of an impact.
-pub const JOINS: f64 = 1e-9;
 /// Events in a step at most: so many, and so many more for each second of it. Fewer: breaks of many balls are refused; more: it takes long to say that impacts
 /// follow one another without end.
 const MOST_EVENTS: [f64; 2] = [1e5, 1e6];
