@@ -108,18 +108,23 @@ LEASHES: list[tuple[float, tuple[float, float, float], dict[str, object]]] = [
 ]
 
 
+def leash(spin: float, point: tuple[float, float, float]) -> carom.Scene:
+    """A ball on the floor, on a rod."""
+    found = carom.Scene("leash", gravity=(0, 0, -9.8))
+    found.contact("b", "w", friction=0.3, restitution=0.5)
+    found.sphere("a", radius=0.02, mass=0.1, at=(0, 0, 0.02), material="b", angular_velocity=(0, 0, spin))
+    found.plane("w", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    found.joint("rod", between=["a", "ground"], points=[point, (0.05, 0.1, 0.32)])
+    return found
+
+
 @pytest.mark.parametrize("step", [2e-3, 5e-4])
 @pytest.mark.parametrize(("spin", "point", "options"), LEASHES)
 def test_reactions_turn_a_ball_by_the_arms_with_which_they_act(
     spin: float, point: tuple[float, float, float], options: dict[str, object], step: float
 ) -> None:
     """What rests is let fall, and turned by its rod, before the floor takes it back: in each step anew."""
-    found = carom.Scene("leash", gravity=(0, 0, -9.8))
-    found.contact("b", "w", friction=0.3, restitution=0.5)
-    found.sphere("a", radius=0.02, mass=0.1, at=(0, 0, 0.02), material="b", angular_velocity=(0, 0, spin))
-    found.plane("w", point=(0, 0, 0), normal=(0, 0, 1), material="w")
-    found.joint("rod", between=["a", "ground"], points=[point, (0.05, 0.1, 0.32)])
-    result = carom.simulate(found, step=step, until=0.03, every=1, **options)
+    result = carom.simulate(leash(spin, point), step=step, until=0.03, every=1, **options)
     report = audit.check(result)
     assert report.ok, report
     assert report["spin"].judged == round(0.03 / step)
@@ -127,3 +132,23 @@ def test_reactions_turn_a_ball_by_the_arms_with_which_they_act(
         of_step = [arms.turned(block).off[-1, 0] for block in blocks(Run(result))]
         gained = 0.4 * 0.1 * 0.02**2 * np.abs(result.angular_velocity[-1]).max()
         assert max(of_step) < 1e-2 * gained
+
+
+@pytest.mark.parametrize(("spin", "point", "options"), LEASHES)
+def test_what_a_filter_keeps_goes_on_over_blocks(
+    spin: float,
+    point: tuple[float, float, float],
+    options: dict[str, object],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each block began as if nothing had been before: how far arms may be off, and the verdict, hung on where it was cut."""
+    result = carom.simulate(leash(spin, point), step=2e-3, until=0.03, every=1, **options)
+    found = []
+    for intervals in (100, 5, 3, 1):
+        monkeypatch.setattr("carom.audit.block.BLOCK", 3 * intervals)
+        pieces = [arms.turned(block) for block in blocks(Run(result))]
+        assert len(pieces) == -(-15 // intervals)
+        assert audit.check(result).ok
+        found.append(np.concatenate([piece.off for piece in pieces]))
+        np.testing.assert_allclose(found[-1], found[0], rtol=1e-9)
+    assert found[0].max() > 0.0

@@ -27,8 +27,19 @@ class Turned(NamedTuple):
     """(B, N) how far these may be off, as the filter of the scheme hands reactions of other steps on with their arms."""
 
 
+class _Handed(NamedTuple):
+    """From a block to the next one."""
+
+    first: int
+    """The first frame of that."""
+    moment: F64
+    """(N, 3) of the last interval."""
+    echo: tuple[F64, F64]
+    """(N,) each, as `wrenches.echo` has it of the first interval."""
+
+
 def turned(block: Block) -> Turned:
-    """Of a block."""
+    """Of a block; blocks are asked in their order, as what the filter keeps goes from each to the next."""
     run, sums = block.run, forces.of_contacts(block)
     moment, (off, later) = np.zeros((block.count, run.bodies, 3)), np.zeros((2, block.count, run.bodies))
     if not run.joints:
@@ -56,5 +67,11 @@ def turned(block: Block) -> Turned:
             moment[:, body] = -cross(swung, sign * given[:, j] - own)
         else:
             off[:, body] += reach * norm(angle[:, body]) * (norm(given[:, j]) + norm(own))
-    later += off + norm(np.diff(moment, axis=0, prepend=np.zeros((1, run.bodies, 3))))
-    return Turned(moment, later + wrenches.echo(run, later, later[0]))
+    before: _Handed | None = run.known.get(_Handed)
+    follows = before is not None and before.first == block.first
+    last = before.moment if before and follows else np.zeros((run.bodies, 3))
+    later += off + norm(np.diff(moment, axis=0, prepend=last[None]))
+    first = before.echo if before and follows else (later[0], later[0])
+    echo, after = wrenches.echo(run, later, first)
+    run.known[_Handed] = _Handed(block.first + block.count, moment[-1], after)
+    return Turned(moment, later + echo)

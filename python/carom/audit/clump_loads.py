@@ -76,7 +76,8 @@ def _between(block: Block, start: F64, end: F64, jump: F64) -> tuple[F64, F64]:
     mean = 0.5 * (start + end) * block.dt[:, None]
     own = wrenches.sizes(end - start) + jump
     # What was before a block is not known: the force itself, at its first interval.
-    earlier = wrenches.echo(block.run, own, wrenches.sizes(start[0]) * (block.first > 1))
+    first = wrenches.sizes(start[0]) * (block.first > 1)
+    earlier, _ = wrenches.echo(block.run, own, (first, first))
     return mean, 2.0 * (own + earlier) * block.dt[:, None]
 
 

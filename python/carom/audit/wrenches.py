@@ -169,14 +169,14 @@ def sizes(given: F64) -> F64:
     return np.stack([norm(given[..., :3]), norm(given[..., 3:])], axis=-1)
 
 
-def echo(run: Run, own: F64, first: F64) -> F64:
-    """(B, 2) what changes (B, 2) of earlier intervals are still worth: the last one whole, and those before as `remembered`,
-    of both ends of a step (eqs. 5a and 6a): what the filter forgets at once is still that of the begin. `first` (2,) is that
-    of the first.
+def echo(run: Run, own: F64, first: tuple[F64, F64]) -> tuple[F64, tuple[F64, F64]]:
+    """(B, n) what changes (B, n) of earlier intervals are still worth: the last one whole, and those before as `remembered`,
+    of both ends of a step (eqs. 5a and 6a): what the filter forgets at once is still that of the begin. `first` is that of
+    the end and of the begin of the first; the same of the interval after the last one is returned, too.
     """
-    at_end = remembered(run, np.concatenate([first[None], own[:-1]]))
-    at_begin = np.concatenate([first[None], at_end[:-1]])
-    return at_end + (1.0 - memory(run)) * at_begin
+    at_end = remembered(run, np.concatenate([first[0][None], own]))
+    at_begin = np.concatenate([first[1][None], at_end[:-2]])
+    return at_end[:-1] + (1.0 - memory(run)) * at_begin, (at_end[-1], at_end[-2])
 
 
 def remembered(run: Run, changes: F64) -> F64:
