@@ -11,6 +11,7 @@ import pytest
 from carom import CaromError, ScenarioError
 from carom.many.cases import Overrides
 from carom.many.threads import Runner
+from carom.numeric import reals
 from carom.scene.tables.model import Contact
 
 ROOT = Path(__file__).parent.parent
@@ -178,6 +179,15 @@ def test_what_is_no_number_is_refused(values: Any, told: str) -> None:
         carom.simulate_batch(pair(), {"cue.velocity.x": values})
     with pytest.raises(CaromError, match=r"^parameters.v: "):
         carom.Study.of(BREAK, {"v": values}, set={"ball2.velocity.x": "= v"}, until=0.1)
+
+
+def test_numbers_may_be_arrays_without_axes() -> None:
+    """As results of NumPy are: they were refused in lists."""
+    for values in ([np.array(1.0), np.array(2)], [np.float32(1.0), np.int8(2)], [1.0, np.array(2.0)]):
+        np.testing.assert_array_equal(reals(values), [1.0, 2.0])
+    for wrong, told in ((np.array(True), "true"), (np.array("1.0"), '"1.0"'), (np.array(1j), "1j")):
+        with pytest.raises(ValueError, match=f"^found {told}$"):
+            reals([1.0, wrong])
 
 
 @pytest.mark.parametrize("key", ["every", "contacts", "walls", "checkpoint_wall"])

@@ -229,6 +229,17 @@ class TestInThisProcess:
             of(files / "slide.toml", {"run.step": [1e-3]}, step=1e-4)
         assert of(files / "slide.toml", {"v": [0.1], "cue.velocity.y": [0.2]}).cases == 1
 
+    def test_of_parameters_that_do_nothing_the_first_is_told(self, tmp_path: Path) -> None:
+        """Which one depended on the seed with which Python mixes texts."""
+        names = [f"p{k}" for k in range(8)]
+        given = ", ".join(f"{name} = 1.0" for name in names)
+        text = TWO.replace("run =", f"parameters = {{ {given} }}\nrun =")
+        speed = f'velocity = ["= {" + ".join(names)}", 0, 0]'
+        text = text.replace("position = [0, 0, 0]", f"position = [0, 0, 0], {speed}")
+        (tmp_path / "two.toml").write_text(text)
+        with pytest.raises(carom.CaromError, match=r"^parameters.p0 does nothing"):
+            carom.Study.of(tmp_path / "two.toml", {name: [1.0] for name in names}, set={"a.velocity.x": 1.0})
+
     def test_a_parameter_that_the_study_itself_uses_does_something(self, files: Path) -> None:
         """It was refused as idle, and without it the expression was."""
         study = carom.Study.of(

@@ -49,8 +49,9 @@ def reals(values: Any) -> F64:
     of_numbers = getattr(getattr(values, "dtype", None), "kind", "O") in "fiu"
     # Lists may mix kinds, as [1.0, True].
     each: Iterable[Any] = () if of_numbers else np.array(values, dtype=object).flat
+    each = (x[()] if isinstance(x, np.ndarray) else x for x in each)  # arrays of one number without axes
     for wrong in (x for x in each if not is_number(x)):
-        raise ValueError(f"found {quoted(wrong)}")
+        raise ValueError(f"found {quoted(wrong.item() if isinstance(wrong, np.generic) else wrong)}")
     try:
         return np.array(values, dtype=np.float64)
     except OverflowError:

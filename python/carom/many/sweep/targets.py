@@ -187,7 +187,7 @@ class Targets:
         fixed = {_sorted(key) for key in self.of_arrays}
         others = {**self.of_run, **self.of_arrays}.values()
         used = {name for text in others for name in _variables(text, self.points)}
-        for name in self.of_file.keys() - used:
+        for name in (key for key in self.of_file if key not in used):
             changed = self._changed_by(name, case)
             if changed is None or changed - fixed:
                 continue
