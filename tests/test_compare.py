@@ -385,6 +385,35 @@ def test_warnings_are_those_of_the_compared_methods(tmp_path: Path) -> None:
     assert ["method penalty does not read it" in error for error in read] == [True, False]
 
 
+def test_an_option_that_no_method_reads_is_told_once() -> None:
+    scene = carom.Scene("two", run={"until": 0.01, "step": 1e-3})
+    scene.contact("m", "m", friction=0.2, restitution=0.9)
+    scene.sphere("b", radius=0.03, mass=0.1, position=(0, 0, 0), material="m")
+    for methods in (["moreau", "penalty"], ["penalty", "moreau+projection", "moreau"]):
+        with pytest.warns(carom.CaromWarning) as found:
+            carom.compare(scene, methods, spectral_radius=0.5)
+        [told] = [str(warning.message) for warning in found]
+        names = " or ".join(dict.fromkeys(name.partition("+")[0] for name in methods))
+        assert told.startswith(f"compare: spectral_radius: method {names} does not read it; leave it out")
+
+
+def test_laws_are_no_advice_where_laws_were_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    def validate(scene: carom.Scene) -> list[object]:
+        if scene.run.impact != "poisson":
+            raise carom.CaromError(f"no {scene.run.impact}")
+        return []
+
+    scene = carom.Scene("one", run={"until": 0.01, "step": 1e-3})
+    scene.contact("m", "m", friction=0.2, restitution=0.9)
+    scene.sphere("b", radius=0.03, mass=0.1, position=(0, 0, 0), material="m")
+    monkeypatch.setattr(carom.Scene, "validate", validate)
+    told = (
+        r"nothing is left to compare nsga\+poisson with: nsga\+sequence: no sequence.*; simulate it by that$"
+    )
+    with pytest.raises(carom.CaromError, match=told):
+        carom.compare(scene, laws="all")
+
+
 def test_where_no_method_can_take_a_scene_all_are_named() -> None:
     """One named at a time takes as many tries as there are methods."""
     scene = carom.Scene("clump", run={"until": 0.01, "step": 1e-3})

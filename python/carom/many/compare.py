@@ -9,6 +9,7 @@ A method is written as the scenario writes it, with further choices after plus s
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +21,7 @@ import numpy as np
 import carom
 from carom import _core
 from carom.arrays import F64
-from carom.errors import CaromError, CaromWarning, ScenarioError, did_you_mean
+from carom.errors import CaromError, CaromWarning, Problem, ScenarioError, did_you_mean
 from carom.files import inside
 from carom.many.absent import absent_at, there_only, told
 from carom.many.impulses import growing, half
@@ -207,7 +208,7 @@ def _tried(
     about it with the methods that it holds for. An option is for those of the methods that read it.
     """
     refused: dict[str, CaromError] = {}
-    advice: dict[str, list[str]] = {}
+    advice: dict[tuple[object, ...], list[tuple[str, Problem, list[str]]]] = {}
     usual, methods = _core.defaults(), {extra["method"] for extra in chosen.values()}
     for name, extra in chosen.items():
         keys = {
@@ -222,9 +223,18 @@ def _tried(
         except CaromError as error:
             refused[name] = error
         else:
+            words = "|".join(re.escape(value) for value in extra.values() if isinstance(value, str))
             for one in told:
-                advice.setdefault(str(one), []).append(name)
-    return refused, advice
+                parts = re.split(rf"\b({words})\b", one.cause)
+                key = (one.where, one.line, one.key, *parts[::2])  # what is said of each with its name is one
+                advice.setdefault(key, []).append((name, one, parts))
+    return refused, {_joined(found): [name for name, _, _ in found] for found in advice.values()}
+
+
+def _joined(found: list[tuple[str, Problem, list[str]]]) -> str:
+    """A warning in parts that are the same for all methods, or a name that each has there."""
+    parts = zip(*(parts for _, _, parts in found), strict=True)
+    return str(replace(found[0][1], cause="".join(" or ".join(dict.fromkeys(part)) for part in parts)))
 
 
 def _able(
@@ -247,7 +257,8 @@ def _able(
         raise CaromError(f"{why}; {cure}")
     if causes and len(able) == 1:
         why = "; ".join(f"{name}: {cause}" for name, cause in causes.items())
-        cure = 'compare its impact laws, with laws="all" or --laws all'
+        of_laws = any("impact" in extra for extra in chosen.values())
+        cure = "simulate it by that" if of_laws else 'compare its impact laws, with laws="all" or --laws all'
         raise CaromError(f"nothing is left to compare {next(iter(able))} with: {why}; {cure}")
     remarks = tuple(f"{name} is left out: {cause}" for name, cause in causes.items())
     told = [a if len(of) == len(able) else f"{', '.join(of)}: {a}" for a, of in advice.items()]
