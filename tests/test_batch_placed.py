@@ -6,6 +6,7 @@ import carom
 import numpy as np
 import pytest
 from carom import CaromError
+from carom.many import cases
 from carom.many.cases import Overrides
 from carom.scene.assembly.vectors import unit
 
@@ -100,3 +101,12 @@ def test_a_quaternion_is_of_length_one() -> None:
     np.testing.assert_allclose(
         turned, [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
     )  # of one component the others follow
+
+
+def test_a_case_costs_as_much_as_it_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The orientations of all balls were looked at in each case."""
+    given = Overrides(joined(), {"d.orientation.x": [1.0, 2.0], "b.orientation": [[0.6, 0, 0, 0.8]] * 2})
+    seen = []
+    monkeypatch.setattr(cases, "unit", lambda row: seen.append(row) or unit(row))
+    given.model(1)
+    assert len(seen) == 2

@@ -213,17 +213,22 @@ class Overrides:
         return model
 
     def _turned(self, q: F64) -> F64:
-        """Unit quaternions (N, 4): those that are given whole must be ones, the others follow a component that is given."""
-        whole = np.zeros(len(q), dtype=bool)
+        """Unit quaternions (N, 4): those that are given whole must be ones, others that are given a component follow it."""
+        whole, touched = np.zeros((2, len(q)), dtype=bool)
         for place in self._places.values():
-            if place.array == "orientation" and len(place.index) < 2:
-                whole[place.index] = True
-        length = np.linalg.norm(q, axis=1)
-        if len(wrong := np.flatnonzero(np.where(whole, ~(np.abs(length - 1.0) <= OFF_UNIT), length == 0.0))):
-            found = f"{length[wrong[0]]:.9g}"
-            ball = quoted(self._scene.names[wrong[0]])
-            raise CaromError(f"orientation of {ball}: a unit quaternion has length 1, found {found}")
-        return np.array([unit(row) for row in q.tolist()])
+            if place.array == "orientation":
+                touched[place.index[:1]] = True
+                whole[place.index[:1]] |= len(place.index) < 2
+        rows = np.flatnonzero(touched)
+        length = np.linalg.norm(q[rows], axis=1)
+        off = np.where(whole[rows], ~(np.abs(length - 1.0) <= OFF_UNIT), length == 0.0)
+        for wrong in np.flatnonzero(off):
+            ball = quoted(self._scene.names[rows[wrong]])
+            raise CaromError(
+                f"orientation of {ball}: a unit quaternion has length 1, found {length[wrong]:.9g}"
+            )
+        q[rows] = [unit(row) for row in q[rows].tolist()]
+        return q
 
     def _inertia(self, model: dict[str, Any]) -> None:
         """I / (m r^2) stays, where mass or radius changed and the moment of inertia was not given itself."""
