@@ -7,6 +7,7 @@ import json
 import os
 import pty
 import re
+import signal
 import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
@@ -604,8 +605,8 @@ def interrupted(**_):
     exec("raise KeyboardInterrupt")
 sys.argv = ["carom", "--version"]
 {at_the_end}
-from carom.cli import main
-main()
+from carom.cli import program
+program()
 """)
     command = [sys.executable, "-m", "program"]
     paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
@@ -613,6 +614,18 @@ main()
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == code, done.stderr
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("arguments", [None, ["--version"]])
+def test_a_program_that_calls_the_command_keeps_its_signals(
+    arguments: list[str] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C was ignored for good in one that goes on after it."""
+    monkeypatch.setattr("sys.argv", ["carom", "--version"])
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with pytest.raises(SystemExit):
+        main(arguments)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
 
 
 def test_durations() -> None:

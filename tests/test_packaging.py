@@ -93,7 +93,7 @@ def test_the_package_holds_what_it_needs_at_run_time() -> None:
 
 def test_the_command_is_installed() -> None:
     [script] = metadata.entry_points(group="console_scripts", name="carom")
-    assert script.value == "carom.cli:main"
+    assert script.value == "carom.cli:program"
     assert callable(script.load())
 
 

@@ -1,5 +1,5 @@
 """`python -m carom` is `carom`."""
 
-from carom.cli import main
+from carom.cli import program
 
-main()
+program()

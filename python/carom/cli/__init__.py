@@ -1,4 +1,5 @@
-"""The command line. `carom.cli:main` is the entry point; every command is a module of its own beside this one.
+"""The command line. `carom.cli:program` is the entry point, `main` what other programs
+call; every command is a module of its own beside this one.
 
 Only typer is imported for all of them: what a command computes with is imported when it runs, so that `--help` is quick.
 """
@@ -10,13 +11,22 @@ from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave the process: 0 done, 2 bad input, 3 solver not converged, 130 interrupted."""
+    """Run the command line and raise `SystemExit`: 0 done, 2 bad input, 3 solver not converged, 130 interrupted."""
+    _exit(sys.argv[1:] if arguments is None else arguments, own=False)
+
+
+def program() -> None:
+    """`main` as a process of its own: it ends, and no signal changes its exit code any more."""
+    _exit(sys.argv[1:], own=True)
+
+
+def _exit(arguments: Sequence[str], own: bool) -> None:
     try:
         from carom.cli.process import decided, flushed, reopen, terminated_as_interrupted
 
         reopen()
-        with decided(arguments is None), terminated_as_interrupted():
-            code = flushed(_called(list(sys.argv[1:] if arguments is None else arguments)))
+        with decided(own), terminated_as_interrupted():
+            code = flushed(_called(list(arguments)))
     except KeyboardInterrupt:
         code = 130
     sys.exit(code)
