@@ -76,20 +76,6 @@ def test_a_cut_depends_on_the_aim_as_its_geometry_says() -> None:
     np.testing.assert_allclose(found.of("object", "velocity")[0], exact, rtol=1e-8, atol=1e-8)
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.99, 1.0])
-def test_a_ball_that_leaves_its_bed_by_the_smallest_speed(restitution: float) -> None:
-    """The friction on its way is `mu m (g t - v_z)`, whatever the bounces are: elastic ones were followed one by one."""
-    scene = carom.Scene("a hop", gravity=(0, 0, -G), run={"method": "events", "until": 0.1, "step": 0.1})
-    scene.contact("ball", "bed", friction=0.2, restitution=restitution)
-    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
-    scene.sphere("ball", radius=0.02, mass=0.1, position=(0, 0, 0.02), velocity=(1, 0, 0), material="ball")
-    found = carom.sensitivity(scene, ["ball.velocity.z"])
-    assert found.position[0, 0, 0] == pytest.approx(0.2 * 0.1, rel=2e-4)
-    scene.spheres[0].velocity = (1, 0, 1e-6)
-    lies = carom.simulate(scene)
-    assert (lies.summary["outcome"], len(lies.impacts["time"])) == ("done", 0)
-
-
 @pytest.mark.parametrize("after", [1e-3, 1e-7, 1e-9, -1e-8])
 @pytest.mark.parametrize("bounce", [1, 2, 3])
 def test_the_error_is_told_where_rounding_limits_it(after: float, bounce: int) -> None:

@@ -1,6 +1,7 @@
 //! One ball between two events: how it sets off, on a level surface or through the air, and where it has come to.
 
 use crate::check::is_level;
+use crate::foresee::FLIGHT;
 use crate::meet::JOINS;
 use crate::motion::{Motion, Support};
 use crate::step::Run;
@@ -19,18 +20,24 @@ impl Run<'_> {
         };
         let x = self.state.position[i] - on.map_or(DVec3::ZERO, |(s, gap)| gap * s.normal);
         let carried = on.and_then(|(support, _)| {
-            let rises = support.normal.dot(v);
-            let motion = Motion::supported(self.model, i, support, now, x, [v, w])?;
-            if rises == 0.0 {
-                return Some(motion);
+            let (mut v, mut w, n) = (v, w, support.normal);
+            let (m, r) = (self.model.mass[i], self.model.radius[i]);
+            let rises = n.dot(v);
+            if rises != 0.0 {
+                // Of the push that its surface gave too much, the friction is too much as well.
+                let slip = v - rises * n + r * n.cross(w);
+                let bound = self.model.laws[support.law as usize].bounds.sliding;
+                let lessens = rises > 0.0 && slip.length() > rises;
+                let share = if lessens { bound * rises } else { 0.0 };
+                let friction = m * share * slip.normalize_or_zero();
+                let impulse = friction - m * rises * n;
+                v += friction / m;
+                w += r * friction.cross(n) / self.model.inertia[i];
+                let work = friction.dot(slip);
+                self.events.sums.add_rest(i, &support, impulse, work);
+                self.give_wall(i, &support, impulse);
             }
-            // Of the push that its surface gave too much, friction and resistance are too much as well: what they do while the weight gives it. Then normal
-            // forces have the sum and the first moment that those of all bounces to come would have, and velocities and places are those after them.
-            let back = motion.rates(self.model.radius[i]);
-            let [dv, dw] = back.map(|rate| -(rises / support.g).max(0.0) * rate);
-            self.rests(i, &support, [dv - rises * support.normal, dw]);
-            let moves = [self.state.velocity[i], self.state.angular_velocity[i]];
-            Motion::supported(self.model, i, support, now, x, moves)
+            Motion::supported(self.model, i, support, now, x, [v, w])
         });
         // Without a form on its surface it would fall into it, and so presses it.
         let mut motion = carried.unwrap_or_else(|| Motion::flight(now, x, [v, w], g));
@@ -38,34 +45,15 @@ impl Run<'_> {
         self.events.motions[i] = motion;
     }
 
-    /// The surface of ball `i` changes its velocities so that it goes on along it.
-    fn rests(&mut self, i: usize, support: &Support, [dv, dw]: [DVec3; 2]) {
-        let (n, r) = (support.normal, self.model.radius[i]);
-        let [v, w] = [self.state.velocity[i], self.state.angular_velocity[i]];
-        let impulse = self.model.mass[i] * dv;
-        let moment = self.model.inertia[i] * dw + r * n.cross(impulse);
-        let (along, about) = (n * n.dot(impulse), n * n.dot(moment));
-        let (mean, turns) = (v + 0.5 * dv, w + 0.5 * dw);
-        let works = [
-            along.dot(mean),
-            (impulse - along).dot(mean + r * n.cross(turns)),
-            (moment - about).dot(turns),
-            about.dot(turns),
-        ];
-        (self.events.sums).add_rest(i, support, [impulse, moment], works);
-        self.give_wall(i, support, [impulse, moment]);
-        (self.state.velocity[i], self.state.angular_velocity[i]) = (v + dv, w + dw);
-    }
-
     /// What ball `i` got from its surface at one moment is taken from that.
-    fn give_wall(&mut self, i: usize, support: &Support, [impulse, moment]: [DVec3; 2]) {
+    fn give_wall(&mut self, i: usize, support: &Support, impulse: DVec3) {
         if self.model.record_walls {
             let wall = support.wall as usize - self.model.bodies();
             let place = self.model.walls[wall].shape.place();
             let lever = self.state.position[i] - self.model.radius[i] * support.normal - place;
             let out = &mut self.scratch.wall_impulse[wall];
             out[0] -= impulse;
-            out[1] -= lever.cross(impulse) + moment;
+            out[1] -= lever.cross(impulse);
         }
     }
 
@@ -73,10 +61,10 @@ impl Run<'_> {
     pub fn support(&mut self, i: usize) -> Option<(Support, f64)> {
         let (model, x, v) = (self.model, self.state.position[i], self.state.velocity[i]);
         let r = model.radius[i];
-        let none = self.nothing(r);
         if !self.state.present[i] {
             return None;
         }
+        let none = self.nothing(r).speed;
         let ahead = x + AHEAD * r * v.normalize_or_zero();
         let walls = self.events.near[i].walls(model, x, r, JOINS * r);
         let mut carrying = walls.iter().filter_map(|&w| {
@@ -87,10 +75,9 @@ impl Run<'_> {
             let met = wall.shape.meet(x, r);
             let n = met.normal;
             let g = -model.gravity.dot(n);
-            // What comes down meets it first; what will come no higher than a gap of bodies that touch has not left it.
+            // What comes down meets it first; what has hardly left it has not.
             let rises = v.dot(n);
-            let bounces = (2.0 * g * (none.gap - met.gap).max(0.0)).sqrt();
-            let stays = rises <= none.speed.max(bounces) && rises >= -none.speed;
+            let stays = rises <= none.max(0.5 * FLIGHT * g) && rises >= -none;
             let flat = wall.shape.meet(ahead, r).curvature == 0.0 && met.curvature == 0.0;
             if !(g > 0.0 && is_level(n, model.gravity) && stays && flat) {
                 return None;

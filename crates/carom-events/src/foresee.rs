@@ -14,6 +14,9 @@ use glam::DVec3;
 const TOUCH: f64 = 2.0;
 /// Speeds and accelerations over those of the scene (1) that are rounding.
 const ROUNDING: f64 = 1e-11;
+/// Flight (s) between two contacts of the same bodies that is none: what bounces ever faster has come to rest then.
+pub const FLIGHT: f64 = 1e-9;
+
 /// How far a ball may be off its course where it meets something, over its radius (1): the rounding of places some metres from the origin.
 const OFF: f64 = 3e-14;
 
@@ -35,6 +38,7 @@ pub fn nothing(model: &Model, fastest: f64, r: f64) -> Nothing {
         off: OFF * r,
         speed: f64::max(ROUNDING * fastest, model.options.moves_nothing(r)),
         acceleration: ROUNDING * (model.gravity.length() + fastest * fastest / r),
+        flight: FLIGHT,
     }
 }
 

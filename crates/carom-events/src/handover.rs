@@ -1,7 +1,8 @@
 //! Bodies that press one another have no closed form: from then on the default scheme makes steps, of all bodies, until none do.
 
+use crate::foresee::FLIGHT;
 use crate::queue::Event;
-use crate::step::{Run, AT_ONCE};
+use crate::step::Run;
 use carom_core::contact::Contact;
 use carom_core::flow::Exchange;
 use carom_core::outcome::{Failure, ImpactRecord};
@@ -34,7 +35,7 @@ impl Run<'_> {
             }
         }
         // What presses at the start of a later step did so at the end of the one before, and goes on.
-        let is_new = start > AT_ONCE || self.state.step == 0;
+        let is_new = start > FLIGHT || self.state.step == 0;
         for (i, other) in each(&pressing, n) {
             if self.events.is_first && !is_new {
                 self.state.told[i] = Mode::Stepped;

@@ -15,13 +15,14 @@ pub type Course = [DVec3; 3];
 /// How far a ball may be off its course, m, in the same way.
 pub type Off = [f64; 4];
 
-/// What counts as nothing: gap and how far off a course (m), speed (m/s), acceleration (m/s^2).
+/// What counts as nothing: gap and how far off a course (m), speed (m/s), acceleration (m/s^2); and the time (s) below which a flight between two contacts is none.
 #[derive(Clone, Copy, Debug)]
 pub struct Nothing {
     pub gap: f64,
     pub off: f64,
     pub speed: f64,
     pub acceleration: f64,
+    pub flight: f64,
 }
 
 /// Gap over the smaller radius (1) up to which contacts join the group of an impact.
@@ -151,16 +152,15 @@ fn first_close<const N: usize>(
         true => match opened(f, off, nothing) {
             Ok(rest) => rest,
             Err(Meeting::Closer(t)) if t > end => return Meeting::Never,
-            // What closes by no more than rounding until its motion ends comes to rest.
-            Err(Meeting::Pressed) if f[0] - value(&f, end) <= nothing.off => return Meeting::Never,
+            // What moves so shortly comes to rest.
+            Err(Meeting::Pressed) if end <= nothing.flight => return Meeting::Never,
             Err(meeting) => return meeting,
         },
         false => f,
     };
     match falls(rest, end).find(|&t| is_there(t)) {
         Some(t) if value(off, t) > nothing.off => Meeting::Closer(t),
-        // It has not opened: half of the way is the highest of a bounce.
-        Some(t) if touches && value(&f, 0.5 * t) <= nothing.gap => Meeting::Pressed,
+        Some(t) if touches && t <= nothing.flight => Meeting::Pressed,
         Some(t) => Meeting::At(t),
         None => Meeting::Never,
     }

@@ -270,17 +270,6 @@ impl Motion {
         }
     }
 
-    /// How both velocities change at the start.
-    pub fn rates(&self, radius: f64) -> [DVec3; 2] {
-        let [dv, mut dw] = [2.0 * self.x[2], self.w[1]];
-        if let (Some((rates, _)), Some(support)) = (self.turns, self.support) {
-            let (n, along) = (support.normal, -self.x[2].normalize());
-            let q = n.cross(self.w[0]).normalize();
-            dw += n.cross(rates.c * along + rates.b * q) / radius;
-        }
-        [dv, dw]
-    }
-
     /// A slide that turns, as long as it is known ahead; one that goes on, or a new one.
     pub fn follow(&mut self, curve: &mut Curve, radius: f64, goes_on: bool) {
         let (Some((rates, last)), Some(support)) = (self.turns, self.support) else {

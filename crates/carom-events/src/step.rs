@@ -1,7 +1,7 @@
 //! The loop over events: from one report to the next, each ball as its closed form has it until something happens to it.
 
 use crate::curved::Curve;
-use crate::foresee::Foresight;
+use crate::foresee::{Foresight, FLIGHT};
 use crate::motion::Motion;
 use crate::near::Near;
 use crate::queue::{Event, Queue, What};
@@ -19,8 +19,6 @@ use glam::DVec3;
 /// Events in a step at most: so many, and so many more for each second of it. Fewer: breaks of many balls are refused; more: it takes long to say that impacts
 /// follow one another without end.
 const MOST_EVENTS: [f64; 2] = [1e5, 1e6];
-/// Time (s) after the start of a step that is its start: what presses then has pressed at the end of the one before.
-pub const AT_ONCE: f64 = 1e-9;
 /// Method `events`. Nothing here outlives a step but lists of walls, which change no result.
 pub struct Events {
     pub motions: Vec<Motion>,
@@ -118,7 +116,7 @@ impl Run<'_> {
                 Stage::End => self.foresee(&self.present(), h),
             }
             let until = if part == Stage::Begin {
-                AT_ONCE.min(h)
+                FLIGHT.min(h)
             } else {
                 h
             };

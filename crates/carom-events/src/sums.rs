@@ -102,22 +102,13 @@ impl Sums {
         }
     }
 
-    /// A ball that hardly leaves its surface, or comes to it, has gone on along it: the impulse that takes, the moment, and the works of both.
-    pub fn add_rest(
-        &mut self,
-        i: usize,
-        support: &Support,
-        [impulse, moment]: [DVec3; 2],
-        works: [f64; 4],
-    ) {
+    /// A ball that hardly leaves its surface, or comes to it, has gone on along it: the impulse that takes, and the work of its friction.
+    pub fn add_rest(&mut self, i: usize, support: &Support, impulse: DVec3, work: f64) {
         let sum = self.of.entry((i as u32, support.wall)).or_default();
         (sum.law, sum.normal) = (support.law, support.normal);
         sum.along += impulse.dot(support.normal) * support.normal;
         sum.impulse += impulse;
-        sum.moment += moment;
-        for (sum, work) in sum.work.iter_mut().zip(works) {
-            *sum += work;
-        }
+        sum.work[1] += work;
     }
 
     /// As the contacts of the step, in the frames of their mean normals.

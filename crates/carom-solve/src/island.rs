@@ -132,7 +132,9 @@ impl<P> Island<'_, P> {
     /// Whether sweeps are the faster way.
     fn is_coarse(&self) -> bool {
         let options = self.options;
-        self.is_large() && options.tolerance >= COARSE_TOLERANCE && options.beside.sweeps
+        let contacts = self.system.contacts.iter().filter(|c| !c.bilateral);
+        let many = contacts.count() > options.dense_contacts;
+        many && options.tolerance >= COARSE_TOLERANCE && options.beside.sweeps
     }
 
     /// Relative residual of eq. 44.

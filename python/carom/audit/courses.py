@@ -11,8 +11,7 @@ A row has the velocity after it. Where it is no impact that is `v'`. Where it is
 impulses of its time in /impacts, and the speeds recorded there are those of `v'` and of the impulses up to them.
 
 Bound: rounding of the places and times, and below that the ends of bounces: a ball joins a surface from 1e-9 of its radius,
-and from speeds that are 1e-11 of the fastest. Where its bounce would be no higher than the gap of bodies that touch, the
-surface takes back that push, with friction, in the same row. What gives a ball less than 1e-9 of the fastest speed
+and from speeds that end within 1e-9 s, or are 1e-11 of the fastest. What gives a ball less than 1e-9 of the fastest speed
 has no row in /impacts. Where bodies pressed one another there are steps of nsga in between, which are on no record.
 """
 
@@ -39,11 +38,8 @@ IMPACT = Transitions.EVENTS.index("impact")
 #: Mode before an event, and after it, where there is but one.
 BEFORE = {"slip ends": "slide", "roll ends": "roll", "release": "stepped"}
 AFTER = {"outlet": "gone", "press": "stepped"}
-HELD = (SLIDE, ROLL, SPIN, REST)
-JOINS, NOTHING = 1e-9, 1e-11
-"""Radii, and share of the fastest speed at which a bounce has ended."""
-TOUCH = 2.0
-"""Gap of bodies that touch, over the tolerance of gaps."""
+JOINS, SHORT, NOTHING = 1e-9, 1e-9, 1e-11
+"""Radii, s, and share of the fastest speed at which a bounce has ended."""
 UNTOLD = 2e-9
 """Share of the fastest speed that impacts may give without a row."""
 WHY = "bodies pressed one another: the steps of nsga within the step are on no record"
@@ -145,8 +141,8 @@ def _leg(
     down = np.broadcast_to(unit(run.gravity) if weight else np.zeros(3), x.shape)
     most, friction, turning = _pulls(block, mode, body)
     flies = mode == FLIGHT
-    held = np.isin(mode, HELD)
-    bounce = np.where(held, NOTHING * _fastest(block), 0.0)
+    held = np.isin(mode, (SLIDE, ROLL, SPIN, REST))
+    bounce = np.where(held, SHORT * weight + NOTHING * _fastest(block), 0.0)
     fast = norm(v) + weight * dt
     rounding = 32.0 * EPS * (norm(x) + norm(there) + run.radius[body] + fast * (np.abs(then) + dt))
     off = there - x - v * dt[:, None] - np.where(flies[:, None], 0.5 * g * (dt * dt)[:, None], 0.0)
@@ -170,20 +166,6 @@ def _leg(
     slack = np.where(flies | held, slack, np.inf)
     came = v - np.where(held, dot(v, down), 0.0)[:, None] * down + gained
     return came, slack, np.where(worse, *parts[::-1]), np.where(worse, *bounds[::-1])
-
-
-def _but_bounce(block: Block, r: Knots, here: I64, off: F64) -> F64:
-    """Sizes of impulses (N s), but for a push by which a ball would rise no higher than a gap, and its friction."""
-    run, mode, body = block.run, r.after[here], r.body[here]
-    weight = float(norm(run.gravity))
-    down = unit(run.gravity) if weight else np.zeros(3)
-    friction = _pulls(block, mode, body)[1]
-    gap = TOUCH * run.loosest["gap_tolerance"] * run.radius[body]
-    most = np.where(np.isin(mode, HELD), run.mass[body] * np.sqrt(2.0 * weight * gap), 0.0)
-    upright = off @ down
-    push = np.clip(upright, 0.0, most)
-    level = np.maximum(norm(off - upright[:, None] * down) - friction * push, 0.0)
-    return np.hypot(level, upright - push)
 
 
 def _pulls(block: Block, mode: I64, body: I64) -> tuple[F64, F64, Bool]:
@@ -237,7 +219,7 @@ def _impacts(block: Block, tally: Tally, r: Knots, came: F64, slack: F64, calm: 
     given = np.zeros((many, 3))
     add_at(given, (of_end,), sign[:, None] * h.impulse[row])
     mass = run.mass[r.body[here]]
-    off = _but_bounce(block, r, here, mass[:, None] * (r.v[here] - came[here]) - given[of_knot])
+    off = norm(mass[:, None] * (r.v[here] - came[here]) - given[of_knot])
     bound = mass * slack[here] + untold + 64.0 * EPS * (size[of_knot] + mass * norm(r.v[here]))
     place = _of(block, r.k[here], r.body[here])
     tally.measure("impact sum", off, bound, place, once_only[of_knot] & np.isfinite(slack[here]))
