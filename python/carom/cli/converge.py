@@ -38,7 +38,7 @@ def converge(
         option(
             "--reference",
             "REF",
-            "Exact solution: a finer step (s or with a unit), the method events, a run directory, or a TOML file with"
+            "Exact solution: a finer step (with a unit, or s), method events, a run, or a TOML file with"
             " formulas of t.",
             show_default=False,
         ),

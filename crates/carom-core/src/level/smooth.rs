@@ -82,6 +82,7 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
     let displaced = displaced_ahead(model, on.state, on.span.h);
     let begun = on.scratch.smooth.begin(model, displaced, weights.time);
     evaluated(begun, &mut on.scratch.load_error)?;
+    let mut least = false;
     for iteration in 0..=model.options.max_iterations {
         let (scratch, report) = (&mut *on.scratch, &mut *on.report);
         let (linear, angular) = (&mut scratch.linear, &mut scratch.angular);
@@ -95,8 +96,11 @@ fn iterate(on: &mut Step) -> Result<(), Failure> {
         report.residual_smooth = relative;
         if relative <= tolerance {
             scratch.position.copy_from_slice(&trial.position);
-            smooth.least_reactions(model);
-            return Ok(());
+            if !smooth.least_reactions(model, least) || least {
+                return Ok(());
+            }
+            // The motion is known to the rounding of the reactions that it was found with: once more, with the least.
+            least = true;
         }
         if !relative.is_finite() || iteration == model.options.max_iterations {
             break;

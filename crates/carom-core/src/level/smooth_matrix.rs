@@ -23,20 +23,22 @@ const ROUNDS: usize = 4;
 const ALIKE: f64 = 256.0;
 
 impl SmoothScratch {
-    /// Of all reactions that do the same, the least.
-    pub fn least_reactions(&mut self, model: &Model) {
+    /// Of all reactions that do the same, the least, where these are much larger than what they do, or `again`. Whether they are others by far.
+    pub fn least_reactions(&mut self, model: &Model, again: bool) -> bool {
         let groups = std::mem::take(&mut self.groups);
+        let mut changed = false;
         for group in groups.iter().filter(|group| !group.joints.is_empty()) {
-            self.least_of_group(model, group);
+            changed |= self.least_of_group(model, group, again);
         }
         self.groups = groups;
+        changed
     }
 
-    fn least_of_group(&mut self, model: &Model, group: &CoupledBodies) {
+    fn least_of_group(&mut self, model: &Model, group: &CoupledBodies, again: bool) -> bool {
         let mut net = Vec::new();
         let [size, done] = self.together(model, group, &self.lambda, &mut net);
-        if size <= HELD * done {
-            return;
+        if size <= HELD * done && !again {
+            return false;
         }
         let mut rows: Vec<usize> = Vec::new();
         let mut at_body = vec![Vec::new(); group.bodies.len()];
@@ -71,18 +73,20 @@ impl SmoothScratch {
                 }
             }
             if factored.is_err() || self.reactions.solve(&rhs, &mut more).is_err() {
-                return;
+                return false;
             }
             for (row, more) in rows.iter().zip(&more) {
                 rest[*row] -= more;
             }
         }
-        let [_, left] = self.together(model, group, &rest, &mut net);
-        if left <= (ALIKE * f64::EPSILON).powi(2) * size {
-            for row in rows {
-                self.lambda[row] -= rest[row];
-            }
+        let [gone, left] = self.together(model, group, &rest, &mut net);
+        if left > (ALIKE * f64::EPSILON).powi(2) * size {
+            return false;
         }
+        for row in rows {
+            self.lambda[row] -= rest[row];
+        }
+        2.0 * gone > size
     }
 
     /// What reactions do to the bodies of a group together, as velocities in a second; the squares, over the masses, of what they do one by one and together.
