@@ -1,5 +1,5 @@
 """Walls that cover one another: what of a wall is nearest to a ball is not touched where it lies on another wall as well, of
-which a point is nearer (algorithm, section 10).
+which a point is nearer (algorithm, section 13).
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ use super::smooth_newton::{CoupledBodies, SmoothScratch, Weights};
 use crate::joint::{add_block, Block6};
 use crate::model::Model;
 use crate::rows::Rows;
+use carom_solve::direct::Touched;
 use carom_solve::rows::NODE_DOF;
 
 /// Most unknowns of a group whose matrix is dense. Speed alone: more, and long chains of joints take n^3; fewer, and pendulums pay for a sparse set-up.
@@ -17,7 +18,7 @@ const SHIFT: f64 = 1e-12;
 /// Squares of the reactions of a group, over what they do together (1), from which on they are looked at: joints that repeat one another can hold
 /// one another by anything. Less: long chains are looked at for nothing. More: such forces are shown.
 const HELD: f64 = 1e4;
-/// Rounds (1) in which reactions that are unique come out, however nearly they repeat one another: each leaves [`SHIFT`] over the eigenvalue.
+/// Rounds (1) in which reactions that are unique come out, however nearly they repeat one another: each leaves the shift of the factors over the eigenvalue.
 const ROUNDS: usize = 4;
 /// Roundings of the reactions (1) by which the least may do other than those that were found; else these stay.
 const ALIKE: f64 = 256.0;
@@ -41,38 +42,32 @@ impl SmoothScratch {
             return false;
         }
         let mut rows: Vec<usize> = Vec::new();
-        let mut at_body = vec![Vec::new(); group.bodies.len()];
+        let touched = |&body: &u32| Touched {
+            inverse: inverses(model, body),
+            rows: Vec::new(),
+        };
+        let mut bodies: Vec<Touched> = group.bodies.iter().map(touched).collect();
         self.for_rows(model, group, |row, body, g| {
             if rows.last() != Some(&row) {
                 rows.push(row);
             }
-            at_body[self.local[body as usize] as usize].push((rows.len() - 1, *g));
+            let own = &mut bodies[self.local[body as usize] as usize].rows;
+            own.push((rows.len() - 1, *g));
         });
-        let entries = &mut self.matrix.list;
-        entries.clear();
-        for (&body, touching) in group.bodies.iter().zip(&at_body) {
-            let inverse = inverses(model, body);
-            for (k, (row, g)) in touching.iter().enumerate() {
-                for (col, h) in &touching[..=k] {
-                    let value: f64 = (0..NODE_DOF).map(|c| inverse[c] * g[c] * h[c]).sum();
-                    let shift = if row == col { 1.0 + SHIFT } else { 1.0 };
-                    entries.push((*row as u32, *col as u32, shift * value));
-                }
-            }
+        if self.reactions.factor(rows.len(), &bodies).is_err() {
+            return false;
         }
-        let (col_ptr, row_idx, values) = self.matrix.compressed(rows.len());
-        let factored = (self.reactions).refactor(rows.len(), col_ptr, row_idx, values);
         let mut rest = self.lambda.clone();
         let (mut rhs, mut more) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
         for _ in 0..ROUNDS {
             self.together(model, group, &rest, &mut net);
             rhs.fill(0.0);
-            for (net, touching) in net.iter().zip(&at_body) {
-                for (row, g) in touching {
+            for (net, body) in net.iter().zip(&bodies) {
+                for (row, g) in &body.rows {
                     rhs[*row] += g.iter().zip(net).map(|(g, v)| g * v).sum::<f64>();
                 }
             }
-            if factored.is_err() || self.reactions.solve(&rhs, &mut more).is_err() {
+            if self.reactions.solve(&rhs, &mut more).is_err() {
                 return false;
             }
             for (row, more) in rows.iter().zip(&more) {

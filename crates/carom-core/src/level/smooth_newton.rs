@@ -13,7 +13,7 @@ use crate::rows::{halves, Rows};
 use crate::state::State;
 use crate::stepper::generalized_alpha::Prediction;
 use carom_solve::clusters::{apart, Forest};
-use carom_solve::direct::{Entries, SparseLlt};
+use carom_solve::direct::{Entries, Gram};
 use carom_solve::rows::NODE_DOF;
 use glam::DVec3;
 
@@ -97,7 +97,7 @@ pub struct SmoothScratch {
     pub(super) residual: Vec<[DVec3; 2]>,
     pub(super) rhs: Vec<f64>,
     pub(super) matrix: Entries,
-    pub(super) reactions: SparseLlt,
+    pub(super) reactions: Gram,
     pub(super) solution: Vec<f64>,
 }
 

@@ -13,6 +13,7 @@
 
 pub mod dense;
 mod entries;
+mod gram;
 mod llt;
 mod lu;
 mod pattern;
@@ -20,6 +21,7 @@ mod sparse;
 
 pub use dense::Singular;
 pub use entries::Entries;
+pub use gram::{Gram, Touched};
 pub use llt::{Llt, SparseLlt};
 pub use lu::{Lu, SparseLu};
 pub use sparse::{Factor, Sparse, REFINEMENTS, WORST_RESIDUAL};

@@ -2,11 +2,12 @@
 //! is left of the gaps and the turning of the normals shrinks with every one. Loads that depend on the motion are those of the round before. Large
 //! islands are swept (`swept`), and linearised again as they are.
 
+use super::swept::RowSweeps;
 use super::{Island, Newton, GAP_ROUNDINGS};
 use crate::cone::{self, Status, MAX_ROWS};
 use crate::ladder::SWEEPS;
 use crate::report::SolveReport;
-use crate::rows::{RowContact, Subproblem};
+use crate::rows::{RowContact, RowSystem, Subproblem};
 use crate::spheres::momentum_cap;
 
 /// Tolerance of a linear problem over that of the island (1). With 1 the island just misses its tolerance, and another linear
@@ -122,6 +123,18 @@ impl Newton {
         x: &mut [f64],
     ) -> Option<SolveReport> {
         let mut sweeps = std::mem::take(&mut self.row_sweeps);
+        let found = self.sweep_with(&mut sweeps, on, most, x);
+        self.row_sweeps = sweeps;
+        found
+    }
+
+    fn sweep_with<P: Subproblem>(
+        &mut self,
+        sweeps: &mut RowSweeps,
+        on: &mut Island<P>,
+        most: u32,
+        x: &mut [f64],
+    ) -> Option<SolveReport> {
         let mut total = SolveReport::default();
         self.set_penalty(on.system, on.options.penalty_scale);
         let (mut done, mut since, mut before) = (0, 0, f64::INFINITY);
@@ -130,7 +143,6 @@ impl Newton {
         loop {
             let terms = self.evaluate(on, x);
             if done == 0 && on.system.load_feedback() > MOST_FEEDBACK {
-                self.row_sweeps = sweeps;
                 return None;
             }
             total.residual = on.relative(&terms);
@@ -151,10 +163,7 @@ impl Newton {
             }
             if done == 0 || turns {
                 sweeps.restart();
-                if sweeps.open(on.system, &self.at.z, lambda, u).is_err() {
-                    self.row_sweeps = sweeps;
-                    return None;
-                }
+                sweeps.open(on.system, &self.at.z, lambda, u).ok()?;
             } else {
                 sweeps.measure(on.system, &self.at.z, u);
             }
@@ -180,22 +189,21 @@ impl Newton {
             if on.system.contacts.iter().any(|c| c.bilateral) {
                 // Contacts that come into their cones move what joints hold.
                 sweeps.begin(on.system);
-                let held = (sweeps.open(on.system, &self.at.z, lambda, u))
-                    .and_then(|()| sweeps.hold(lambda));
-                if held.is_err() {
-                    self.row_sweeps = sweeps;
-                    return None;
-                }
+                sweeps.open(on.system, &self.at.z, lambda, u).ok()?;
+                sweeps.hold(lambda).ok()?;
                 self.at.phi.copy_from_slice(lambda);
             }
             on.system.correction(lambda, u);
-            self.row_sweeps = sweeps;
             return Some(total);
         }
-        self.row_sweeps = sweeps;
-        // Sweeps leave multipliers in their cones: these are the solution, and not what a step further would make of them.
+        self.take_swept(on.system, lambda);
+        Some(total)
+    }
+
+    /// Sweeps leave multipliers in their cones: these are the solution, and not what a step further would make of them.
+    fn take_swept(&mut self, system: &RowSystem, lambda: &[f64]) {
         self.at.phi.copy_from_slice(lambda);
-        let contacts = on.system.contacts.iter().zip(&mut self.at.statuses);
+        let contacts = system.contacts.iter().zip(&mut self.at.statuses);
         for (c, status) in contacts.filter(|(c, _)| !c.bilateral) {
             let own = &lambda[c.rows()];
             if own[0] <= 0.0 {
@@ -205,7 +213,6 @@ impl Newton {
                 *status = cone::project(&c.bounds, own, &mut same[..own.len()]);
             }
         }
-        Some(total)
     }
 
     /// What the worst contact overlaps by, and the worst joint is open by, over what they may, where gaps are asked for; else what they close or open by (1).

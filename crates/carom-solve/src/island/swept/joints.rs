@@ -1,14 +1,9 @@
 //! The joints of an island that is swept, all of them at once: after each sweep over contacts they measure nothing, whatever the tolerance of those is.
 
-use crate::cone::Block;
-use crate::direct::{DirectError, Entries, SparseLlt};
-use crate::rows::{RowContact, RowSystem, NODE_DOF, WORLD};
+use crate::direct::{DirectError, Gram, Touched};
+use crate::rows::{RowSystem, NODE_DOF, WORLD};
 use crate::spheres::State;
-use std::collections::{BTreeMap, BTreeSet};
-
-/// What is added to the diagonal of joints (1, a share of it): those that repeat one another stay solvable. Less is lost in the rounding of the factors;
-/// more, and what others contradict takes sweeps.
-const SHIFT: f64 = 1e-12;
+use std::collections::BTreeMap;
 
 /// A row of a joint, over its nodes among the states.
 struct JointRow {
@@ -23,8 +18,7 @@ struct JointRow {
 #[derive(Default)]
 pub(super) struct Joints {
     rows: Vec<JointRow>,
-    entries: Entries,
-    llt: SparseLlt,
+    gram: Gram,
     free: Vec<f64>,
     measured: Vec<f64>,
     change: Vec<f64>,
@@ -34,52 +28,31 @@ impl Joints {
     /// The rows of a system as they are now, with multipliers.
     pub fn open(&mut self, system: &RowSystem, lambda: &[f64]) -> Result<(), DirectError> {
         self.rows.clear();
-        let joints: Vec<&RowContact> = system.contacts.iter().filter(|c| c.bilateral).collect();
-        let mut first = Vec::with_capacity(joints.len());
-        for c in &joints {
-            first.push(self.rows.len() as u32);
-            self.rows.extend(c.rows().map(|at| JointRow {
-                at,
-                nodes: [c.node_a, c.node_b].map(|node| node.wrapping_add(1) as usize),
-                jac: system.jac[at],
-                weight: system.diag[at],
-                lambda: lambda[at],
-                last: lambda[at],
-            }));
-        }
-        if self.rows.is_empty() {
-            return Ok(());
-        }
-        // Joints of each node so far.
-        let mut at_node = BTreeMap::<u32, Vec<usize>>::new();
-        self.entries.list.clear();
-        for (k, c) in joints.iter().enumerate() {
-            let mut others = BTreeSet::new();
-            for node in [c.node_a, c.node_b]
-                .into_iter()
-                .filter(|&node| node != WORLD)
-            {
-                let here = at_node.entry(node).or_default();
-                here.push(k);
-                others.extend(here.iter().copied());
-            }
-            for other in others {
-                let mut block = Block::default();
-                system.delassus_block(c, joints[other], &mut block);
-                for (row, values) in block.iter().enumerate().take(c.dim as usize) {
-                    for (col, &value) in values.iter().enumerate().take(joints[other].dim as usize)
-                    {
-                        let same = other == k && row == col;
-                        let value = if same { (1.0 + SHIFT) * value } else { value };
-                        let place = (first[k] + row as u32, first[other] + col as u32);
-                        self.entries.list.push((place.0, place.1, value));
-                    }
+        let mut bodies = BTreeMap::<u32, Touched>::new();
+        for c in system.contacts.iter().filter(|c| c.bilateral) {
+            for at in c.rows() {
+                let sides = [c.node_a, c.node_b].into_iter().zip(system.jac[at]);
+                for (node, g) in sides.filter(|(node, _)| *node != WORLD) {
+                    let body = bodies.entry(node).or_insert_with(|| Touched {
+                        inverse: std::array::from_fn(|k| system.inverse(node as usize, k)),
+                        rows: Vec::new(),
+                    });
+                    body.rows.push((self.rows.len(), g));
                 }
+                self.rows.push(JointRow {
+                    at,
+                    nodes: [c.node_a, c.node_b].map(|node| node.wrapping_add(1) as usize),
+                    jac: system.jac[at],
+                    weight: system.diag[at],
+                    lambda: lambda[at],
+                    last: lambda[at],
+                });
             }
         }
-        let n = self.rows.len();
-        let (col_ptr, row_idx, values) = self.entries.compressed(n);
-        self.llt.refactor(n, col_ptr, row_idx, values)
+        match self.rows.len() {
+            0 => Ok(()),
+            n => self.gram.factor(n, bodies.values()),
+        }
     }
 
     /// Measures without multipliers, of all rows of the system.
@@ -104,7 +77,7 @@ impl Joints {
             self.measured.push(-(free + of(0) + of(1)));
         }
         self.change.resize(self.rows.len(), 0.0);
-        self.llt.solve(&self.measured, &mut self.change)?;
+        self.gram.solve(&self.measured, &mut self.change)?;
         for (row, change) in self.rows.iter_mut().zip(&self.change) {
             let on = beta * (row.lambda - row.last);
             row.last = row.lambda;
