@@ -136,8 +136,8 @@ impl Curve {
         let mut orientation = orientation;
         let [first, second] = self.axes;
         let world = |x: f64, y: f64| x * first + y * second;
-        let turning = |at: &Values| {
-            let [_, _, cos, sin, _, p, ux, uy, ..] = *at;
+        let turning = |at: &[f64; 8]| {
+            let [_, _, cos, sin, _, p, ux, uy] = *at;
             p * world(ux * cos - uy * sin, ux * sin + uy * cos)
         };
         let mut done = 0.0;
@@ -154,19 +154,20 @@ impl Curve {
             found.slipped += d[14];
             found.turned += d[15];
             if let Some((orientation, spin)) = &mut orientation {
-                let w = |at: &Values| {
+                let w = |at: &[f64; 8]| {
                     -self.normal.cross(turning(at)) / radius + spin(done + at[TIME] - first[TIME])
                 };
                 let unit = 1.0 / (self.rates.a + self.rates.b + self.rates.c);
                 let own = end - part.begin;
-                let rate = |at: &Values| unit * at[4] * at[5] / (at[4] + at[5]) * w(at);
-                let angle = own * rate(&first).length().max(rate(&last).length());
+                let rate = |t: f64| {
+                    let at = part.first_at(part.begin + t);
+                    unit * at[4] * at[5] / (at[4] + at[5]) * w(&at)
+                };
+                let angle = own * rate(0.0).length().max(rate(own).length());
                 let parts = parts_of(angle).max((own / EVEN).ceil());
-                **orientation = turned(**orientation, own, parts, |t| {
-                    rate(&part.at(part.begin + t))
-                });
+                **orientation = turned(**orientation, own, parts, rate);
             }
-            found.turning = turning(&last);
+            found.turning = turning(&part.first_at(end));
             done += part.dt;
             if done >= dt {
                 break;

@@ -25,7 +25,8 @@ pub const TIME: usize = 0;
 /// A part of a slide: series, and from when to when in its own time they hold, which takes `dt` seconds.
 #[derive(Clone)]
 pub struct Part {
-    terms: [Values; TERMS],
+    /// On the heap: a part is moved about.
+    terms: Box<[Values; TERMS]>,
     pub begin: f64,
     pub end: f64,
     pub dt: f64,
@@ -79,7 +80,7 @@ impl Part {
     /// From what is known at its begin, with the speed to which errors are compared.
     pub fn new(first: Values, speed: f64, rates: Rates) -> Part {
         let Rates { a, b, c } = rates;
-        let mut terms = [[0.0; 16]; TERMS];
+        let mut terms = Box::new([[0.0; 16]; TERMS]);
         terms[0] = first;
         let [_, _, _, _, s, p, ..] = first;
         terms[0][1] = s / (s + p);
@@ -136,9 +137,14 @@ impl Part {
 
     /// All values at a moment of its own time.
     pub fn at(&self, own: f64) -> Values {
-        let mut values = [0.0; 16];
+        self.first_at(own)
+    }
+
+    /// The first of them.
+    pub fn first_at<const L: usize>(&self, own: f64) -> [f64; L] {
+        let mut values = [0.0; L];
         for terms in self.terms.iter().rev() {
-            for i in 0..16 {
+            for i in 0..L {
                 values[i] = values[i] * own + terms[i];
             }
         }
