@@ -352,31 +352,24 @@ impl Simulation {
             ..Span::new(t, coefficients.h)
         };
         let (number, time) = (report.step, report.time);
-        let mut make = |report: &mut StepReport| {
-            self.stepper.step(&mut Step {
-                model: &self.model,
-                state: &mut self.state,
-                scratch: &mut self.scratch,
-                timers: &mut self.timers,
-                report,
-                coefficients,
-                span,
-                accept_unconverged: smallest && accept == OnNonconvergence::Warn,
-            })
-        };
         // A whole step tells of itself, a part of one beside what the others told.
-        let (made, part) = if depth == 0 {
-            (make(report), None)
-        } else {
-            let mut local = StepReport::new(number, time);
-            (make(&mut local), Some(local))
-        };
-        if part.is_none() && made.is_err() {
+        let mut part = StepReport::new(number, time);
+        let made = self.stepper.step(&mut Step {
+            model: &self.model,
+            state: &mut self.state,
+            scratch: &mut self.scratch,
+            timers: &mut self.timers,
+            report: if depth == 0 { report } else { &mut part },
+            coefficients,
+            span,
+            accept_unconverged: smallest && accept == OnNonconvergence::Warn,
+        });
+        if depth == 0 && made.is_err() {
             *report = StepReport::new(number, time);
         }
         match made {
             Ok(()) => {
-                if let Some(part) = part {
+                if depth > 0 {
                     report.add_part(part);
                 }
                 self.recorder

@@ -31,6 +31,10 @@ fn present_at_start(model: &Model) -> Vec<bool> {
     present
 }
 
+fn refuse(text: String) -> Result<(), ModelError> {
+    Err(ModelError::State(text))
+}
+
 impl State {
     /// State at t = 0: `a_0 = v-dot_0 = M^-1 f(q_0, v_0, 0)` without contact forces (Algorithm 1, lines 2-3).
     pub fn new(model: &Model, initial: InitialState) -> State {
@@ -146,8 +150,7 @@ impl State {
 
     /// Refuses a saved state with which a run of `model` could not go on: of another model, or with numbers that are none.
     pub fn check(&self, model: &Model) -> Result<(), ModelError> {
-        let refuse = |text: String| Err(ModelError::State(text));
-        let (n, bodies) = (model.bodies(), model.first_wall() + model.walls.len());
+        let n = model.bodies();
         let lengths = [
             ("position", self.position.len()),
             ("orientation", self.orientation.len()),
@@ -179,19 +182,7 @@ impl State {
         if !self.has_whole_clumps(model) {
             return refuse("present has parts of a clump".to_owned());
         }
-        let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
-        let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();
-        for (name, keys) in [("warm_key", warm), ("touch_key", touches)] {
-            let known = |&(a, b): &ContactKey| {
-                a < b && (a as usize) < model.balls() && (b as usize) < bodies
-            };
-            if !keys.iter().all(known) {
-                return refuse(format!("{name} names a body that the model has not"));
-            }
-            if !keys.windows(2).all(|k| k[0] < k[1]) {
-                return refuse(format!("{name} is not sorted"));
-            }
-        }
+        self.check_keys(model)?;
         if !(self.told.is_empty() || self.told.len() == n) {
             return refuse("told is of another model".to_owned());
         }
@@ -207,6 +198,29 @@ impl State {
             let text = "a free wall is away from its normal, turns, or is absent";
             return refuse(text.to_owned());
         }
+        self.check_numbers()
+    }
+
+    /// Contacts that are kept are of bodies of the model, and sorted.
+    fn check_keys(&self, model: &Model) -> Result<(), ModelError> {
+        let bodies = model.first_wall() + model.walls.len();
+        let warm: Vec<ContactKey> = self.warm.iter().map(|w| w.key).collect();
+        let touches: Vec<ContactKey> = self.touches.iter().map(|t| t.key).collect();
+        for (name, keys) in [("warm_key", warm), ("touch_key", touches)] {
+            let known = |&(a, b): &ContactKey| {
+                a < b && (a as usize) < model.balls() && (b as usize) < bodies
+            };
+            if !keys.iter().all(known) {
+                return refuse(format!("{name} names a body that the model has not"));
+            }
+            if !keys.windows(2).all(|k| k[0] < k[1]) {
+                return refuse(format!("{name} is not sorted"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_numbers(&self) -> Result<(), ModelError> {
         let vectors = |v: &[DVec3]| v.iter().all(|x| x.is_finite());
         let pairs = |v: &[[DVec3; 2]]| vectors(v.as_flattened());
         let touch = |t: &Touch| {

@@ -37,6 +37,19 @@ struct Round {
     age: AtomicU64,
 }
 
+impl Round {
+    /// It has changed so much, and the one before it what that says.
+    fn ends(&self, squared: f64, before: &Round) {
+        let age = match before.age.load(Relaxed) {
+            NEW => NEW + 1,
+            _ if squared > GROWTH * number(&before.squared) => NEW + 1,
+            age => age + 1,
+        };
+        set(&self.squared, squared);
+        self.age.store(age, Relaxed);
+    }
+}
+
 /// What a block's sweep changed.
 #[derive(Default)]
 struct Part {
@@ -124,14 +137,8 @@ impl Sweeps {
             );
         };
         let done = |round: usize| {
-            let (now, [before, own]) = (change(), [&rounds[round], &rounds[round + 1]]);
-            let age = match before.age.load(Relaxed) {
-                NEW => NEW + 1,
-                _ if now.squared > GROWTH * number(&before.squared) => NEW + 1,
-                age => age + 1,
-            };
-            set(&own.squared, now.squared);
-            own.age.store(age, Relaxed);
+            let now = change();
+            rounds[round + 1].ends(now.squared, &rounds[round]);
             now.squared <= enough.squared && now.closing <= enough.closing
         };
         let count = team::run_until(*threads, count, &stages, work, done);
