@@ -93,6 +93,36 @@ def test_what_method_events_steps_is_read_off_frames() -> None:
     assert found.within == pytest.approx(0.01)
 
 
+def test_of_what_is_stepped_elsewhere_events_know_nothing() -> None:
+    """A ball is pressed along a rail while two others meet: these are exact, whatever `step`, and it is not."""
+
+    def detected(step: float) -> tuple[list[events.Event], carom.Result]:
+        scene = shot(2.0, method="events", until=0.9, step=step)
+        scene.plane("rail", material="rail", point=(0, 1 + R, 0), normal=(0, -1, 0))
+        scene.contact("ball", "rail", friction=0.2, restitution=0.5)
+        scene.sphere("pressed", radius=R, mass=0.17, material="ball", at=(-1, 1, R), velocity=(1.5, 0, 0))
+        scene.spheres[-1].angular_velocity = (-60.0, 0.0, 0.0)
+        result = carom.simulate(scene)
+        assert result.transitions.between("pressed", "rail").event[0] == "press"
+        return [*events.first_contacts(result), *events.slip_to_roll(result)], result
+
+    alone = {
+        (e.kind, e.body): e for e in events.detect(carom.simulate(shot(2.0, method="events", until=0.9)))
+    }
+    for step in (0.05, 0.3):
+        found, result = detected(step)
+        mine = [
+            e for e in found if e.body in ("cue", "object") and e.kind in ("contact", "roll") and e.time > 0
+        ]
+        assert len(mine) >= 3
+        for event in mine:
+            assert event.within == 1e-9
+            assert event.time == pytest.approx(alone[event.kind, event.body].time, abs=1e-12)
+        rolls = [e for e in found if (e.kind, e.body) == ("roll", "pressed")]
+        assert all(e.within >= 1e-4 for e in rolls)
+        assert set(result.transitions.between("cue", "object").event) == {"impact"}
+
+
 def test_rest_where_rolling_resistance_ends_the_motion() -> None:
     rho, speed = 2e-3, 0.3
     result = carom.simulate(shot(speed, spin=speed / R, rho=rho), until=0.8, every=5)

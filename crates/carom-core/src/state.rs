@@ -89,7 +89,7 @@ impl State {
     }
 
     /// Takes a body away. It stands where it stood last.
-    pub(crate) fn set_absent(&mut self, i: usize) {
+    pub fn set_absent(&mut self, i: usize) {
         self.present[i] = false;
         self.velocity[i] = DVec3::ZERO;
         self.angular_velocity[i] = DVec3::ZERO;

@@ -1,6 +1,7 @@
 //! The end of a step: the state, energies, overlaps and the record of contacts.
 
 use crate::step::Run;
+use carom_core::flow::exchange::is_out;
 use carom_core::force::total::weight_potential;
 use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
 use carom_core::StepReport;
@@ -9,14 +10,16 @@ impl Run<'_> {
     /// The state at the end of the step, energies and overlaps.
     pub fn end(&mut self) -> Result<(), Failure> {
         let (model, n, h) = (self.model, self.model.bodies(), self.span.h);
-        for i in 0..n {
-            if self.state.present[i] {
-                self.bring(i, h);
+        for i in self.free() {
+            self.bring(i, h);
+            // By the rule of every method.
+            if is_out(model, self.state, i) {
+                self.leave(i, h);
             }
         }
-        self.take_out_all(h);
         let impacts = self.scratch.impacts.len();
         self.scratch.impact_times.resize(impacts, self.span.end);
+        self.in_order();
         self.scratch.warm.clear();
         self.state.warm.clear();
         self.events
@@ -61,5 +64,17 @@ impl Run<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Rows in the order of their times: what steps made is told at their end.
+    fn in_order(&mut self) {
+        let (rows, times) = (&mut self.scratch.impacts, &mut self.scratch.impact_times);
+        if !times.is_sorted() {
+            let mut all: Vec<_> = times.drain(..).zip(rows.drain(..)).collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            (*times, *rows) = all.into_iter().unzip();
+        }
+        let rows = &mut self.scratch.transitions;
+        rows.sort_by(|a, b| a.time.total_cmp(&b.time));
     }
 }

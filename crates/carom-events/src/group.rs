@@ -8,9 +8,17 @@ use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
 use carom_core::transition::Kind;
 
 impl Run<'_> {
-    /// An impact: of all bodies that touch, from these two on.
-    pub fn meet(&mut self, pair: ContactKey, t: f64) -> Result<(), Failure> {
+    /// An impact: of all bodies that touch, from these two on. Whether some of them are stepped.
+    pub fn meet(&mut self, pair: ContactKey, mut t: f64) -> Result<bool, Failure> {
         self.gather(pair, t);
+        let is_cut = self.events.group.iter().any(|&i| self.is_stepped(i));
+        if is_cut {
+            let Some(meet) = self.cut_at(pair, t)? else {
+                return Ok(true);
+            };
+            t = meet;
+            self.gather(pair, t);
+        }
         let group = std::mem::take(&mut self.events.group);
         for &i in &group {
             self.bring(i, t);
@@ -52,7 +60,7 @@ impl Run<'_> {
             self.tell(t, hit.map(|_| Kind::Impact), i, hit);
         }
         self.events.group = group;
-        Ok(())
+        Ok(is_cut)
     }
 
     /// What hit ball `i` hardest in the impacts from row `first` on; the surface that carries it only where nothing else did.

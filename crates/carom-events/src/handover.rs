@@ -1,96 +1,305 @@
-//! Bodies that press one another have no closed form: from then on the default scheme makes steps, of all bodies, until none do.
+//! Bodies that press one another have no closed form: the default scheme makes steps of them, and of them alone, until they do not.
+//!
+//! A step is made ahead, and how these balls move in it is taken for a parabola: what others do in the meantime is foreseen against that, and happens at its
+//! exact time. Where one of them meets a ball that is stepped, the step is made anew up to then, and the impact is one like all others.
 
+use crate::ahead::{Ahead, Kept};
 use crate::foresee::FLIGHT;
+use crate::meet::JOINS;
+use crate::motion::Motion;
 use crate::queue::Event;
 use crate::step::Run;
-use carom_core::contact::Contact;
-use carom_core::flow::Exchange;
-use carom_core::outcome::{Failure, ImpactRecord};
-use carom_core::scratch::Scratch;
+use carom_core::contact::{Contact, ContactKey};
+use carom_core::flow::exchange::is_out;
+use carom_core::outcome::Failure;
 use carom_core::step::step;
 use carom_core::stepper::method::Step;
 use carom_core::stepper::{Coefficients, Span};
 use carom_core::timers::Timers;
-use carom_core::transition::{Kind, Mode, Transition};
+use carom_core::transition::{Kind, Mode};
 use carom_core::StepReport;
+use carom_solve::clusters::{apart, Forest};
 use glam::DVec3;
+use std::collections::BTreeMap;
 use std::mem::take;
 
 /// Share (1) of the weight of a ball in a step below which what a contact gives is none. Larger: balls that still press are tried too early, which
 /// costs a prediction; smaller: what rests beside one another seems to press.
 const LOADED: f64 = 1e-6;
 
+/// Overlap at which a stepped ball is met by another, over the gap at which they would touch (1). Larger: they overlap so much after; smaller: more steps are
+/// tried.
+const DEEPEST: f64 = 0.1;
+/// Steps (1) that are tried for that at most: about two are.
+const MOST_TRIES: u32 = 30;
+
 impl Run<'_> {
-    /// Steps of `nsga` from the time of an event on, until nothing presses. Returns that time, or the end of the step.
-    pub fn hand_over(&mut self, event: &Event) -> Result<f64, Failure> {
-        let (n, start, end) = (self.model.bodies(), event.time, self.span.h);
-        if start >= end {
-            return Ok(start);
-        }
-        let mut pressing: Vec<_> = self.events.queue.pressing().chain([event.bodies]).collect();
-        pressing.sort_unstable();
-        for i in 0..n {
-            if self.state.present[i] {
-                self.bring(i, start);
-            }
-        }
+    pub fn is_stepped(&self, i: usize) -> bool {
+        self.state.told[i] == Mode::Stepped
+    }
+
+    /// Balls that are stepped, in the order of their numbers.
+    pub fn stepped(&self) -> Vec<usize> {
+        let all = 0..self.model.bodies();
+        all.filter(|&i| self.state.present[i] && self.is_stepped(i))
+            .collect()
+    }
+
+    /// Bodies press one another at the time of an event: from then on they are stepped.
+    pub fn join(&mut self, event: &Event) -> Result<(), Failure> {
+        let (n, t) = (self.model.bodies(), event.time);
         // What presses at the start of a later step did so at the end of the one before, and goes on.
-        let is_new = start > FLIGHT || self.state.step == 0;
-        for (i, other) in each(&pressing, n) {
+        let is_new = t > FLIGHT || self.state.step == 0;
+        if self.stepped().is_empty() {
+            self.stepped_to = t;
+            self.report.handovers += u32::from(is_new);
+        }
+        self.cut(t)?;
+        let (a, b) = event.bodies;
+        for (i, other) in [(a as usize, b), (b as usize, a)] {
+            if i >= n || self.is_stepped(i) {
+                continue;
+            }
+            // Within the time of a flight that is none, others may be ahead.
+            self.bring(i, self.stepped_to.max(self.events.motions[i].start));
             if self.events.is_first && !is_new {
                 self.state.told[i] = Mode::Stepped;
-            } else if self.state.told[i] != Mode::Stepped {
-                self.note(start, Kind::Press, i, Some(other), Mode::Stepped);
+            } else {
+                self.note(t, Kind::Press, i, Some(other), Mode::Stepped);
+            }
+            self.stand(i, t);
+        }
+        Ok(())
+    }
+
+    /// Stepped balls come to a time within their step: to a share of it, or by one that ends then where bodies hit one another in it.
+    pub fn cut(&mut self, t: f64) -> Result<(), Failure> {
+        let Some(mut ahead) = self.ahead.take() else {
+            return Ok(());
+        };
+        if t > self.stepped_to {
+            if t < ahead.until && ahead.has_hits() {
+                ahead = self.make(self.stepped_to, t)?;
+            } else if t < ahead.until {
+                self.take_share(&mut ahead, t);
+            }
+            self.commit(ahead);
+        }
+        for i in self.stepped() {
+            self.stand(i, t);
+        }
+        Ok(())
+    }
+
+    /// What of a step is done at a time, of places that are known then.
+    fn take_share(&self, ahead: &mut Ahead, t: f64) {
+        let share = (t - self.stepped_to) / (ahead.until - self.stepped_to);
+        ahead.until = t;
+        ahead.sums.take_share(share);
+        for of in ahead.walls.as_flattened_mut() {
+            *of *= share;
+        }
+        let (before, made) = (&*self.state, &mut ahead.state);
+        for i in self.stepped() {
+            let lerp = |from: &[DVec3], to: &[DVec3]| from[i].lerp(to[i], share);
+            made.position[i] = self.events.motions[i].place(t);
+            made.orientation[i] = before.orientation[i].slerp(made.orientation[i], share);
+            made.velocity[i] = lerp(&before.velocity, &made.velocity);
+            made.angular_velocity[i] = lerp(&before.angular_velocity, &made.angular_velocity);
+        }
+    }
+
+    /// Stepped balls come to the time at which one of a pair is met, foreseen for `t`. A step in which bodies hit one another is none that can be shared: one that
+    /// ends sooner ends elsewhere. None where they do not meet by then.
+    pub fn cut_at(&mut self, (a, b): ContactKey, t: f64) -> Result<Option<f64>, Failure> {
+        let (i, j) = (a as usize, b as usize);
+        let is_apart = j >= self.model.bodies() || self.is_stepped(i) == self.is_stepped(j);
+        if is_apart || !self.ahead.as_ref().is_some_and(Ahead::has_hits) {
+            return self.cut(t).map(|()| Some(t));
+        }
+        let stepped = if self.is_stepped(i) { i } else { j };
+        let free = i + j - stepped;
+        let [r, s] = [stepped, free].map(|k| self.model.radius[k]);
+        let least = JOINS * r.min(s);
+        let begins = self.events.motions[free].start.max(self.stepped_to);
+        let way = |run: &Run, x: &[DVec3], t: f64| {
+            let (motion, curve) = (&run.events.motions[free], &run.events.curves[free]);
+            motion.exact_place(s, curve, t) - x[stepped]
+        };
+        // What has touched already may overlap by what steps leave.
+        let at_start = way(self, &self.state.position, begins).length() - r - s;
+        let deepest = at_start.min(0.0) - DEEPEST * least;
+        let (mut low, mut high, mut next) = (begins, t, t);
+        for _ in 0..MOST_TRIES {
+            if next <= begins {
+                break;
+            }
+            let made = self.make(self.stepped_to, next)?;
+            let motion = &self.events.motions[free];
+            let place = motion.exact_place(s, &self.events.curves[free], next);
+            let way = place - made.state.position[stepped];
+            let rate = way
+                .normalize()
+                .dot(motion.velocity(next) - made.state.velocity[stepped]);
+            self.ahead = Some(made);
+            let gap = way.length() - r - s;
+            if gap > deepest && (gap < least || next == t) {
+                return self.cut(next).map(|()| (gap < least).then_some(next));
+            }
+            if gap > 0.0 {
+                low = next;
+            } else {
+                high = next;
+            }
+            let newton = next - gap / rate;
+            let inside = newton > low && newton < high;
+            next = if inside { newton } else { 0.5 * (low + high) };
+        }
+        self.cut(high).map(|()| Some(high))
+    }
+
+    /// A stepped ball is where it is: how it goes on the next step says.
+    pub fn stand(&mut self, i: usize, t: f64) {
+        let support = self.support(i).map(|(support, _)| support);
+        let state = &*self.state;
+        let (v, w) = (state.velocity[i], state.angular_velocity[i]);
+        self.events.queue.forget(i);
+        self.events.motions[i] = Motion {
+            start: t,
+            ends: t,
+            mode: Mode::Stepped,
+            support,
+            ..Motion::plain([state.position[i], v, DVec3::ZERO], w)
+        };
+    }
+
+    /// Makes the next step of what is stepped, and foresees what it meets. Returns its end.
+    pub fn look_ahead(&mut self) -> Result<f64, Failure> {
+        let (from, h) = (self.stepped_to, self.span.h);
+        let left = h - from;
+        let steps = (left / self.model.options.pressing_step).ceil().max(1.0);
+        let until = if steps > 1.0 { from + left / steps } else { h };
+        let ahead = self.make(from, until)?;
+        let group = self.stepped();
+        let dt = until - from;
+        for &i in &group {
+            self.stand(i, from);
+            let gap = self.nothing(self.model.radius[i]).gap;
+            let motion = &mut self.events.motions[i];
+            let [x, v, _] = motion.x;
+            let (place, velocity) = (ahead.state.position[i], ahead.state.velocity[i]);
+            // By its velocities, which round less, where it is not hit in the step.
+            let curved = place - x - dt * v;
+            let even = 0.5 * dt * (velocity - v);
+            let way = if (curved - even).length() <= gap {
+                even
+            } else {
+                curved
+            };
+            motion.x[2] = way / (dt * dt);
+            motion.most = 2.0 * motion.x[2].length();
+            motion.ends = until;
+        }
+        self.ahead = Some(ahead);
+        self.foresee_stepped(&group, from);
+        Ok(until)
+    }
+
+    /// The step that was made is one of the run. What presses nothing any more is free, but at the very end: that is for the next step to say.
+    pub fn go_to(&mut self, t: f64) -> Result<(), Failure> {
+        let Some(ahead) = &mut self.ahead else {
+            return Ok(());
+        };
+        let (contacts, h) = (take(&mut ahead.contacts), ahead.h);
+        self.cut(t)?;
+        if t == self.span.h {
+            return Ok(());
+        }
+        for group in self.touching(&contacts) {
+            if self.is_loaded(&group, &contacts, h) {
+                continue;
+            }
+            let kept = (self.events.sums.clone(), self.scratch.wall_impulse.clone());
+            for &i in &group {
+                self.events.queue.forget(i);
+                let on = self.support(i);
+                self.set_off(i, t, on, false);
+            }
+            self.foresee(&group, t);
+            let has = |body: u32| group.binary_search(&(body as usize)).is_ok();
+            let presses = |(a, b)| has(a) || has(b);
+            if self.events.queue.pressing().any(presses) {
+                (self.events.sums, self.scratch.wall_impulse) = kept;
+                for &i in &group {
+                    self.stand(i, t);
+                }
+                continue;
+            }
+            for &i in &group {
+                let after = self.events.motions[i].mode;
+                self.note(t, Kind::Release, i, None, after);
+            }
+        }
+        Ok(())
+    }
+
+    /// A step of all that is stepped, made beside the state.
+    fn make(&mut self, from: f64, until: f64) -> Result<Ahead, Failure> {
+        let mut state = self.state.clone();
+        for i in 0..self.model.bodies() {
+            if !self.is_stepped(i) {
+                state.set_absent(i);
             }
         }
         if self.events.stepping.options.loads_once() {
+            let n = self.model.bodies();
             self.scratch.load_shift.resize(n, [DVec3::ZERO; 2]);
         }
-        let steps = ((end - start) / self.model.options.pressing_step)
-            .ceil()
-            .max(1.0);
-        let (mut now, mut number) = (start, 0.0);
-        while now < end {
-            number += 1.0;
-            let next = if number < steps {
-                start + (end - start) * (number / steps)
-            } else {
-                end
-            };
-            self.steps(now, next - now, 0)?;
-            now = next;
-            self.take_out_all(now);
-            if now < end && self.is_loaded((next - start) / number) {
-                continue;
-            }
-            let sums = self.events.sums.clone();
-            self.begin(now);
-            if now == end {
-                // Whatever is due is for the next step.
-                self.events.queue.begin(n);
-                break;
-            }
-            if self.events.queue.pressing().next().is_none() {
-                break;
-            }
-            self.events.sums = sums;
+        let report = StepReport::new(self.report.step, self.report.time);
+        let walls = self.scratch.wall_impulse.len();
+        let mut ahead = Ahead::new(state, until, report, walls);
+        self.steps(&mut ahead, from, until - from, 0)?;
+        Ok(ahead)
+    }
+
+    /// Takes a step over.
+    fn commit(&mut self, mut ahead: Ahead) {
+        for i in self.stepped() {
+            let (state, made) = (&mut *self.state, &ahead.state);
+            state.position[i] = made.position[i];
+            state.orientation[i] = made.orientation[i];
+            state.velocity[i] = made.velocity[i];
+            state.angular_velocity[i] = made.angular_velocity[i];
+            state.pseudo[i] = made.pseudo[i];
+            state.acceleration[i] = made.acceleration[i];
         }
-        self.report.handovers += u32::from(is_new);
-        self.report.stepped += now - start;
-        if now < end {
-            self.tell_all(now, true);
+        (self.state.warm, self.state.warm_step) = (ahead.state.warm, ahead.state.warm_step);
+        self.events.sums.join(&ahead.sums);
+        self.scratch.impacts.append(&mut ahead.impacts);
+        self.scratch.impact_times.append(&mut ahead.times);
+        for (sum, given) in self.scratch.wall_impulse.iter_mut().zip(&ahead.walls) {
+            sum[0] += given[0];
+            sum[1] += given[1];
         }
-        Ok(now)
+        self.report.merge(&ahead.report);
+        self.report.stepped += ahead.until - self.stepped_to;
+        self.stepped_to = ahead.until;
+        for i in self.stepped() {
+            self.has_speed(i);
+            if is_out(self.model, self.state, i) {
+                self.leave(i, ahead.until);
+            }
+        }
     }
 
     /// One step of `nsga`; where it fails two of half the size, as in a run.
-    fn steps(&mut self, now: f64, h: f64, depth: u32) -> Result<(), Failure> {
+    fn steps(&mut self, ahead: &mut Ahead, now: f64, h: f64, depth: u32) -> Result<(), Failure> {
         let model = &self.events.stepping;
         let mut part = StepReport::new(self.report.step, self.report.time);
         let kept = Kept::take(self.scratch);
         let made = step(&mut Step {
             model,
-            state: self.state,
+            state: &mut ahead.state,
             scratch: self.scratch,
             timers: &mut Timers::default(),
             report: &mut part,
@@ -102,31 +311,60 @@ impl Run<'_> {
             accept_unconverged: false,
         });
         if made.is_ok() {
-            self.events.sums.add(&self.scratch.contacts);
+            ahead.sums.add(&self.scratch.contacts);
+            ahead.impacts.append(&mut self.scratch.impacts);
+            let end = self.span.start + now + h;
+            ahead.times.resize(ahead.impacts.len(), end);
+            for (sum, given) in ahead.walls.iter_mut().zip(&self.scratch.wall_impulse) {
+                sum[0] += given[0];
+                sum[1] += given[1];
+            }
+            ahead.contacts.clone_from(&self.scratch.contacts);
+            ahead.h = h;
         }
-        kept.put_back(self.scratch, self.span.start + now + h, made.is_ok());
+        kept.put_back(self.scratch);
         match made {
             Ok(()) => {
-                self.report.merge(&part);
-                self.report.take_substeps(1, h);
+                ahead.report.merge(&part);
+                ahead.report.take_substeps(1, h);
                 Ok(())
             }
             Err(Failure::NotConverged(_) | Failure::TooFar { .. } | Failure::TooManyPairs)
                 if depth < model.options.deepest() =>
             {
-                self.report.halvings += 1;
-                self.steps(now, 0.5 * h, depth + 1)?;
-                self.steps(now + 0.5 * h, 0.5 * h, depth + 1)
+                ahead.report.halvings += 1;
+                self.steps(ahead, now, 0.5 * h, depth + 1)?;
+                self.steps(ahead, now + 0.5 * h, 0.5 * h, depth + 1)
             }
             Err(other) => Err(other),
         }
     }
 
+    /// Stepped balls in groups of those that touch.
+    fn touching(&self, contacts: &[Contact]) -> Vec<Vec<usize>> {
+        let (n, touching) = (self.model.bodies(), self.model.options.touching_tolerance);
+        let mut forest = apart(n);
+        let touches = |c: &&Contact| c.lambda[0] > 0.0 || c.gap <= touching * c.length;
+        for c in contacts.iter().filter(touches) {
+            if (c.b as usize) < n {
+                forest.join(c.a, c.b);
+            }
+        }
+        let mut groups: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for i in self.stepped() {
+            groups.entry(forest.root(i as u32)).or_default().push(i);
+        }
+        groups.into_values().collect()
+    }
+
     /// Whether some contact carried a load in the last step that is no level surface under its ball. What lies on such needs none, whatever rolling
     /// resistance may hold between two of them.
-    fn is_loaded(&mut self, h: f64) -> bool {
+    fn is_loaded(&mut self, group: &[usize], contacts: &[Contact], h: f64) -> bool {
         let (n, g) = (self.model.bodies(), self.model.gravity.length());
-        let on: Vec<_> = (0..n).map(|i| self.support(i)).collect();
+        let mut on = vec![None; n];
+        for &i in group {
+            on[i] = self.support(i);
+        }
         let lies = |body: u32| {
             let i = body as usize;
             let (v, w) = (&self.state.velocity, &self.state.angular_velocity);
@@ -142,52 +380,7 @@ impl Run<'_> {
                 && on[i].is_none_or(|(s, _)| (c.b as usize) < n || c.n1 != s.normal)
                 && !(lies(c.a) && lies(c.b))
         };
-        self.scratch.contacts.iter().any(presses)
-    }
-}
-
-/// Each ball of some pairs, with the other one.
-fn each(pairs: &[(u32, u32)], n: usize) -> impl Iterator<Item = (usize, u32)> + '_ {
-    let both = pairs
-        .iter()
-        .flat_map(|&(a, b)| [(a as usize, b), (b as usize, a)]);
-    both.filter(move |&(i, _)| i < n)
-}
-
-/// What the step has collected so far, out of the way of a step within it.
-struct Kept {
-    impacts: Vec<ImpactRecord>,
-    times: Vec<f64>,
-    left: Exchange,
-    transitions: Vec<Transition>,
-    walls: Vec<[DVec3; 2]>,
-}
-
-impl Kept {
-    fn take(scratch: &mut Scratch) -> Kept {
-        Kept {
-            impacts: take(&mut scratch.impacts),
-            times: take(&mut scratch.impact_times),
-            left: take(&mut scratch.left),
-            transitions: take(&mut scratch.transitions),
-            walls: scratch.wall_impulse.clone(),
-        }
-    }
-
-    /// Back into `scratch`, with what a step that ended at a time (s) and was made has added.
-    fn put_back(mut self, scratch: &mut Scratch, time: f64, made: bool) {
-        if made {
-            self.impacts.append(&mut scratch.impacts);
-            self.times.resize(self.impacts.len(), time);
-            for (sum, given) in self.walls.iter_mut().zip(&scratch.wall_impulse) {
-                sum[0] += given[0];
-                sum[1] += given[1];
-            }
-        }
-        scratch.impacts = self.impacts;
-        scratch.impact_times = self.times;
-        scratch.left = self.left;
-        scratch.transitions = self.transitions;
-        scratch.wall_impulse = self.walls;
+        let own = |c: &&Contact| group.binary_search(&(c.a as usize)).is_ok();
+        contacts.iter().filter(own).any(presses)
     }
 }

@@ -3,12 +3,13 @@
 //!
 //! `motion.rs` has the modes of a ball and their closed forms (`curved.rs` and `series.rs` the one that has none, `turns.rs` orientations), `meet.rs` when bodies meet,
 //! [`roots`] the roots, `queue.rs` what happens next, `foresee.rs` fills it. `step.rs` is the loop over events, `carry.rs` takes a ball from one to the next,
-//! `group.rs` has impacts, `handover.rs` what has no closed form, `close.rs` the end of a step, `tell.rs` the table of transitions. `check.rs` says what it cannot do. `docs/theory/events.md` states
+//! `group.rs` has impacts, `handover.rs` what has no closed form (`ahead.rs` a step of it), `close.rs` the end of a step, `tell.rs` the table of transitions. `check.rs` says what it cannot do. `docs/theory/events.md` states
 //! all of it.
 //!
 //! To the core this is a [`Stepper`](carom_core::stepper::method::Stepper) like any other: what it calls a step is the time between two reports. It keeps
 //! nothing from one to the next but the state, and what that table has said.
 
+mod ahead;
 mod carry;
 mod check;
 mod close;

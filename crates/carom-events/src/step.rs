@@ -1,5 +1,6 @@
 //! The loop over events: from one report to the next, each ball as its closed form has it until something happens to it.
 
+use crate::ahead::Ahead;
 use crate::curved::Curve;
 use crate::foresee::{Foresight, FLIGHT};
 use crate::motion::Motion;
@@ -12,7 +13,7 @@ use carom_core::scratch::Scratch;
 use carom_core::stepper::method::{Step, Stepper};
 use carom_core::stepper::Span;
 use carom_core::timers::Phase;
-use carom_core::transition::Kind;
+use carom_core::transition::{Kind, Mode};
 use carom_core::{Model, State, StepReport};
 use glam::DVec3;
 
@@ -66,6 +67,11 @@ impl Stepper for Events {
             events: &mut *self,
             span: on.span,
             fastest: 0.0,
+            stepped_to: 0.0,
+            ahead: None,
+            count: 0,
+            last: 0.0,
+            shortest: on.span.h,
         };
         let made = run.all();
         if made.is_err() {
@@ -81,14 +87,6 @@ impl Stepper for Events {
     }
 }
 
-/// Of a step: what presses already, until its end, and what is due there.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Stage {
-    Begin,
-    Rest,
-    End,
-}
-
 /// One step.
 pub struct Run<'a> {
     pub model: &'a Model,
@@ -99,53 +97,63 @@ pub struct Run<'a> {
     pub span: Span,
     /// Fastest speed so far, m/s: what is nothing beside it is rounding.
     pub fastest: f64,
+    /// Up to when what is stepped has come, s since the start of the step, and its next step.
+    pub stepped_to: f64,
+    pub ahead: Option<Ahead>,
+    /// Events so far, the time of the last one, and the shortest between two, s.
+    count: u32,
+    last: f64,
+    shortest: f64,
 }
 
 impl Run<'_> {
     fn all(&mut self) -> Result<(), Failure> {
         self.events.sums.clear();
-        self.begin(0.0);
+        self.begin();
         let h = self.span.h;
-        let most = (MOST_EVENTS[0] + MOST_EVENTS[1] * h) as u32;
-        let (mut events, mut last, mut shortest) = (0, 0.0, h);
-        // What presses at once has pressed at the end of the step before. What is due at the end is of this step: roots are found short of it alone.
-        'parts: for part in [Stage::Begin, Stage::Rest, Stage::End] {
-            match part {
-                Stage::Begin => self.tell_begin(),
-                Stage::Rest => self.tell_all(last, true),
-                Stage::End => self.foresee(&self.present(), h),
+        self.tell_begin();
+        self.happen_until(FLIGHT.min(h))?;
+        self.tell_all(self.last);
+        loop {
+            let goes = self.stepped_to < h && !self.stepped().is_empty();
+            let next = if goes { self.look_ahead()? } else { h };
+            if self.happen_until(next)? {
+                continue;
             }
-            let until = if part == Stage::Begin {
-                FLIGHT.min(h)
-            } else {
-                h
-            };
-            while let Some(event) = self.events.queue.next(until) {
-                if events == most {
-                    return Err(Failure::TooManyEvents(event.bodies.0, event.bodies.1));
-                }
-                events += 1;
-                shortest = f64::min(shortest, event.time - last);
-                last = event.time;
-                if event.what != What::Press {
-                    self.happens(&event)?;
-                    continue;
-                }
-                last = self.hand_over(&event)?;
-                if last == h {
-                    break 'parts;
-                }
+            if !goes {
+                break;
             }
+            self.go_to(next)?;
         }
-        if events > 0 {
-            let parts = events + 1;
-            self.report.take_substeps(parts, shortest.min(h - last));
+        // What is due at the end is of this step: roots are found short of it alone.
+        self.foresee(&self.free(), h);
+        self.happen_until(h)?;
+        if self.count > 0 {
+            let shortest = self.shortest.min(h - self.last);
+            self.report.take_substeps(self.count + 1, shortest);
         }
         self.end()
     }
 
-    /// All balls set off from the present state.
-    pub fn begin(&mut self, now: f64) {
+    /// All that happens by a time, or until what is stepped has to set off anew: whether that is so.
+    fn happen_until(&mut self, until: f64) -> Result<bool, Failure> {
+        let most = (MOST_EVENTS[0] + MOST_EVENTS[1] * self.span.h) as u32;
+        while let Some(event) = self.events.queue.next(until) {
+            if self.count == most {
+                return Err(Failure::TooManyEvents(event.bodies.0, event.bodies.1));
+            }
+            self.count += 1;
+            self.shortest = f64::min(self.shortest, event.time - self.last);
+            self.last = event.time;
+            if self.happens(&event)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// All balls set off from the present state, but those that are stepped.
+    fn begin(&mut self) {
         let n = self.model.bodies();
         for i in 0..n {
             self.has_speed(i);
@@ -155,16 +163,26 @@ impl Run<'_> {
         self.events.motions.resize(n, Motion::default());
         self.events.curves.resize(n, Curve::default());
         self.events.near.resize(n, Near::default());
-        for i in 0..n {
-            let on = self.support(i);
-            self.set_off(i, now, on, false);
+        if self.events.is_first {
+            self.state.told.clear();
+            self.state.told.resize(n, Mode::default());
         }
-        self.foresee(&self.present(), now);
+        for i in 0..n {
+            if self.is_stepped(i) {
+                self.stand(i, 0.0);
+            } else {
+                let on = self.support(i);
+                self.set_off(i, 0.0, on, false);
+            }
+        }
+        self.foresee(&self.free(), 0.0);
     }
 
-    pub fn present(&self) -> Vec<usize> {
+    /// Balls that are there and not stepped, in the order of their numbers.
+    pub fn free(&self) -> Vec<usize> {
         let all = 0..self.model.bodies();
-        all.filter(|&i| self.state.present[i]).collect()
+        all.filter(|&i| self.state.present[i] && !self.is_stepped(i))
+            .collect()
     }
 
     /// Counts the present speed of a ball, which may have fallen since the step began.
@@ -175,7 +193,7 @@ impl Run<'_> {
     }
 
     /// What will happen to some balls that set off, in the order of their numbers.
-    fn foresee(&mut self, balls: &[usize], now: f64) {
+    pub fn foresee(&mut self, balls: &[usize], now: f64) {
         let Events {
             motions,
             near,
@@ -202,14 +220,32 @@ impl Run<'_> {
         }
     }
 
-    fn happens(&mut self, event: &Event) -> Result<(), Failure> {
+    /// Which others some stepped balls will meet.
+    pub fn foresee_stepped(&mut self, balls: &[usize], now: f64) {
+        let Events { motions, queue, .. } = &mut *self.events;
+        let foresight = Foresight {
+            model: self.model,
+            state: self.state,
+            motions,
+            now,
+            end: self.span.h,
+            fastest: self.fastest,
+        };
+        for &i in balls {
+            foresight.others(i, |j| balls.binary_search(&j).is_err(), queue);
+        }
+    }
+
+    /// Whether something that is stepped has to set off anew.
+    fn happens(&mut self, event: &Event) -> Result<bool, Failure> {
         let ((a, b), t) = (event.bodies, event.time);
         let i = a as usize;
         match event.what {
             What::Meet => return self.meet((a, b), t),
+            What::Press => return self.join(event).map(|()| true),
             What::Closer => {
                 self.look_closer(event);
-                return Ok(());
+                return Ok(false);
             }
             _ => self.bring(i, t),
         }
@@ -230,7 +266,7 @@ impl Run<'_> {
                 self.tell(t, end.kind(), i, on.map(|s| s.wall));
             }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Balls that turn and may meet something set off from where they have come to.
@@ -270,11 +306,16 @@ impl Run<'_> {
 
     /// Balls in a new state set off, and what will happen to them is foreseen anew.
     pub fn go_on(&mut self, balls: &[usize], t: f64) {
-        for &i in balls {
+        let (stepped, free): (Vec<usize>, Vec<_>) =
+            balls.iter().partition(|&&i| self.is_stepped(i));
+        for i in stepped {
+            self.stand(i, t);
+        }
+        for &i in &free {
             self.events.queue.forget(i);
             let on = self.support(i);
             self.set_off(i, t, on, false);
         }
-        self.foresee(balls, t);
+        self.foresee(&free, t);
     }
 }

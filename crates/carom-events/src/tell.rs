@@ -1,19 +1,10 @@
 //! The table of transitions: each row begins with the mode in which the last one of its ball has ended.
 
 use crate::step::Run;
-use carom_core::flow::exchange::{is_out, take_out};
+use carom_core::flow::exchange::take_out;
 use carom_core::transition::{Kind, Mode, Transition};
 
 impl Run<'_> {
-    /// Balls that are in the box of an outlet at a time, by the rule of every method, are taken out.
-    pub fn take_out_all(&mut self, t: f64) {
-        for i in 0..self.model.bodies() {
-            if is_out(self.model, self.state, i) {
-                self.leave(i, t);
-            }
-        }
-    }
-
     pub fn leave(&mut self, i: usize, t: f64) {
         self.note(t, Kind::Outlet, i, None, Mode::Gone);
         let at = (self.state.step + 1, self.span.start + t);
@@ -27,29 +18,13 @@ impl Run<'_> {
         if self.events.is_first {
             self.state.told = self.events.motions.iter().map(|m| m.mode).collect();
         }
-        self.tell_all(0.0, false);
+        self.tell_all(0.0);
     }
 
-    /// What the rows of the table of transitions do not say yet; `releases` what was stepped and presses nothing.
-    pub fn tell_all(&mut self, t: f64, releases: bool) {
-        let (present, told) = (self.present(), &self.state.told);
-        let (stepped, others): (Vec<_>, Vec<_>) =
-            (present.into_iter()).partition(|&i| told[i] == Mode::Stepped);
-        for i in others {
+    /// What the rows of the table of transitions do not say yet.
+    pub fn tell_all(&mut self, t: f64) {
+        for i in self.free() {
             self.tell(t, None, i, None);
-        }
-        let presses = |i| {
-            let mut pairs = self.events.queue.pressing();
-            pairs.any(|(a, b)| a as usize == i || b as usize == i)
-        };
-        let free: Vec<_> = (stepped.into_iter())
-            .filter(|&i| releases && !presses(i))
-            .collect();
-        let is_late = |&i: &usize| self.events.motions[i].start < t;
-        self.set_off_again(&free.iter().copied().filter(is_late).collect::<Vec<_>>(), t);
-        for i in free {
-            let after = self.events.motions[i].mode;
-            self.note(t, Kind::Release, i, None, after);
         }
     }
 

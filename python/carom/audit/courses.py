@@ -12,7 +12,7 @@ impulses of its time in /impacts, and the speeds recorded there are those of `v'
 
 Bound: rounding of the places and times, and below that the ends of bounces: a ball joins a surface from 1e-9 of its radius,
 and from speeds that end within 1e-9 s, or are 1e-11 of the fastest. What gives a ball less than 1e-9 of the fastest speed
-has no row in /impacts. Where bodies pressed one another there are steps of nsga in between, which are on no record.
+has no row in /impacts. Of balls that press one another nsga makes steps, which are on no record.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ import numpy as np
 from carom.arrays import F64, I64, Bool
 from carom.audit import hits
 from carom.audit.block import Block, once
+from carom.audit.data import Run
 from carom.audit.hits import Hits
 from carom.audit.rates import compliance
 from carom.audit.report import Place, Tally
 from carom.audit.vectors import EPS, add_at, dot, norm, unit
 from carom.result.tables import Transitions
 
-FLIGHT, SLIDE, ROLL, SPIN, REST = (
-    Transitions.MODES.index(name) for name in ("flight", "slide", "roll", "spin", "rest")
+FLIGHT, SLIDE, ROLL, SPIN, REST, STEPPED = (
+    Transitions.MODES.index(name) for name in ("flight", "slide", "roll", "spin", "rest", "stepped")
 )
 IMPACT = Transitions.EVENTS.index("impact")
 #: Mode before an event, and after it, where there is but one.
@@ -67,12 +68,47 @@ def judge(block: Block, tally: Tally) -> None:
     """All rows of /transitions and /impacts in a block."""
     if block.run.method != "events":
         return
-    rows, calm = _rows(block), block.total(block.run.steps["stepped"]) == 0.0
+    rows, calm = _rows(block), ~_stepped(block)
     for kind in ("position", "momentum"):
-        tally.skip(kind, WHY, "use nsga", int((~calm[rows.k]).sum()))
+        tally.skip(kind, WHY, "use nsga", int((~calm[rows.k, rows.body]).sum()))
     came, slack = _legs(block, tally, rows, calm)
     if block.run.has_impacts:
         _impacts(block, tally, rows, came, slack, calm)
+
+
+@once
+def _turns(run: Run) -> F64:
+    """(K, 3) ball, and the numbers of the first and the last step in which nsga made steps of it."""
+    table = run.result.transitions
+    mode, body, step = (np.asarray(table[name]) for name in ("mode", "body", "step"))
+    turns, found = np.flatnonzero((mode == STEPPED).any(axis=1)), []
+    begun: dict[int, float] = {}
+    for ball, number, (before, after) in zip(
+        body[turns, 0].tolist(), step[turns].tolist(), mode[turns].tolist(), strict=True
+    ):
+        first = begun.pop(ball, number if before != STEPPED else 0)
+        if before == STEPPED:
+            found.append((ball, first, number))
+        if after == STEPPED:
+            begun[ball] = first
+    return np.array([*found, *((ball, first, np.inf) for ball, first in begun.items())]).reshape(-1, 3)
+
+
+def _stepped(block: Block) -> Bool:
+    """(B, N) whether nsga made steps of a ball in an interval, or of one with which it hangs together by hits there."""
+    run, made = block.run, block.total(block.run.steps["stepped"]) > 0.0
+    found = np.zeros((block.count, run.balls), dtype=bool)
+    if not made.any():
+        return found
+    for ball, first, last in _turns(run).tolist():
+        found[:, int(ball)] |= (block.s1 >= first) & (block.s0 < last)
+    found[made & ~found.any(axis=1)] = True
+    h = hits.of_block(block)
+    both = h.b < run.balls
+    k, a, b = h.k[both], h.a[both], h.b[both]
+    while (met := found[k, a] != found[k, b]).any():
+        found[k[met], a[met]] = found[k[met], b[met]] = True
+    return found
 
 
 @once
@@ -103,7 +139,7 @@ def _legs(block: Block, tally: Tally, r: Knots, calm: Bool) -> tuple[F64, F64]:
     since = np.where(r.first, block.t0[k], r.time[before])
     came, slack, off, bound = _leg(block, k, body, r.before, (since, x, v), (r.time, r.x))
     place = _of(block, k, body)
-    known = calm[k] & np.isfinite(slack)
+    known = calm[k, body] & np.isfinite(slack)
     tally.measure("position", off, bound, place, known)
     follows = r.first | (r.before == r.after[before])
     for told, words in ((r.before, BEFORE), (r.after, AFTER)):
@@ -111,14 +147,14 @@ def _legs(block: Block, tally: Tally, r: Knots, calm: Bool) -> tuple[F64, F64]:
         for event, mode in words.items():
             wanted[Transitions.EVENTS.index(event)] = Transitions.MODES.index(mode)
         follows &= (wanted[r.kind] < 0) | (told == wanted[r.kind])
-    tally.measure("counts", ~follows, 0.0, place, calm[k])
+    tally.measure("counts", ~follows, 0.0, place, calm[k, body])
     smooth, mass = known & (r.kind != IMPACT), run.mass[body]
     tally.measure("momentum", mass * norm(r.v - came), mass * slack, place, smooth)
     # From the last row on to the frame after it.
     k, body = k[last], body[last]
     of_row = (r.time[last], r.x[last], r.v[last])
     on, on_slack, off, bound = _leg(block, k, body, r.after[last], of_row, (block.t1[k], block.x1[k, body]))
-    place, known_too = _of(block, k, body), calm[k] & np.isfinite(on_slack) & block.there[k, body]
+    place, known_too = _of(block, k, body), calm[k, body] & np.isfinite(on_slack) & block.there[k, body]
     tally.measure("position", off, bound, place, known_too)
     mass = run.mass[body]
     tally.measure("momentum", mass * norm(block.v1[k, body] - on), mass * on_slack, place, known_too)
@@ -197,11 +233,12 @@ def _fastest(block: Block) -> float:
 def _impacts(block: Block, tally: Tally, r: Knots, came: F64, slack: F64, calm: Bool) -> None:
     """Impulses and speeds of /impacts, by the velocities with which balls came to their times and left them."""
     run, h = block.run, hits.of_block(block)
+    known = calm[h.k, h.a]
     for kind in ("impact sum", "impact speeds"):
-        tally.skip(kind, WHY, "use nsga", int((~calm[h.k]).sum()))
+        tally.skip(kind, WHY, "use nsga", int((~known).sum()))
     low, high = np.searchsorted(run.impact_step, [block.s0[0] + 1, block.s1[-1] + 1])
-    time = np.asarray(run.result.impacts["time"][low:high])[calm[h.k]]
-    h, here = h.of(calm[h.k]), np.flatnonzero((r.kind == IMPACT) & calm[r.k])
+    time = np.asarray(run.result.impacts["time"][low:high])[known]
+    h, here = h.of(known), np.flatnonzero((r.kind == IMPACT) & calm[r.k, r.body])
     # Both ends of the rows: which ball, and with which sign it gets the impulse.
     row = np.concatenate([np.arange(len(h)), np.flatnonzero(h.b < run.balls)])
     who, sign = np.append(h.a, h.b[h.b < run.balls]), np.where(np.arange(len(row)) < len(h), 1.0, -1.0)

@@ -3,7 +3,7 @@
 `result.events` is what the core itself records, balls that enter and leave; this page finds in the columns of any result
 what happened between. Each bound is an argument, and each time says how well it is known: impacts carry the time of the end
 of their step, so they happened up to one step earlier; what is read off the frames is known to the time between frames.
-Method `events` knows when slip ends and bodies meet, but for what it gives to steps: `_within` and `_stepped` say where.
+Method `events` knows when slip ends and bodies meet, but for what depends on steps: `stepped.py` says of whom.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from carom.arrays import F64, Array, Bool
 from carom.errors import CaromError, among
 from carom.measure.contacts import closed
+from carom.measure.stepped import between, known_to
 from carom.result.names import UnknownName
 from carom.scene.packing.neighbours import TOUCHING
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
     from carom.result.kinematics import Frames
-    from carom.result.tables import Impacts, Table
+    from carom.result.tables import Impacts
     from carom.run.watch import State
 
 
@@ -153,7 +154,7 @@ def slip_to_roll(
     times = np.asarray(result.time)
     found = _ends_of_slip(result, bodies, surfaces)
     exact = {body: [e.time for e in found if e.body == body] for body in names}
-    steps = np.diff(np.searchsorted(_stepped(result), np.asarray(result.step), side="right")) > 0
+    stepped = between(result, times)
     for low, high in _windows(len(times), len(names)):
         before = max(0, low - 2)  # the slope of slip is that of the two frames before
         motion, time = _motion(result, bodies, rows=slice(before, high)), times[before:high]
@@ -161,7 +162,7 @@ def slip_to_roll(
             state, slides, fast = _phases(result, motion, bodies, plane, speed)
             ends = (state[:-1] == SLIDING) & (state[1:] >= ROLLING)
             ends[: max(0, low - before - 1)] = False  # those of the window before
-            ends &= steps[before : high - 1, np.newaxis]
+            ends &= stepped[before : high - 1, bodies]
             for k, place in np.argwhere(ends).tolist():
                 if any(time[k] < known <= time[k + 1] for known in exact[names[bodies[place]]]):
                     continue
@@ -210,7 +211,12 @@ def rest(
 def departures(result: RunData) -> list[Event]:
     """Balls that left through an outlet, as one of a pocket."""
     rows = result.events.where(np.asarray(result.events["kind"]) == 0)
-    known = zip(np.asarray(rows["time"]).tolist(), _within(result, rows).tolist(), rows["ball"], strict=True)
+    known = zip(
+        np.asarray(rows["time"]).tolist(),
+        known_to(result, rows, ROUNDING).tolist(),
+        rows["ball"],
+        strict=True,
+    )
     return [Event("left", time, within, str(ball)) for time, within, ball in known]
 
 
@@ -282,7 +288,7 @@ def _first(result: RunData, pair: tuple[str, str] | None) -> list[Event]:
     )
     tables: list[tuple[Any, Any, F64]] = []
     if len(impacts):
-        tables.append((impacts, impacts["approach"], _within(result, impacts)))
+        tables.append((impacts, impacts["approach"], known_to(result, impacts, ROUNDING)))
     if len(contacts):
         tables.append((contacts, None, np.full(len(contacts), between)))
     for rows, closing, within in tables:
@@ -363,7 +369,7 @@ def _ends_of_slip(result: RunData, bodies: list[int], surfaces: list[str]) -> li
     return [
         Event("roll", float(time), float(within), str(ball), str(surface), float(speed))
         for time, within, (ball, surface), speed in zip(
-            np.asarray(rows["time"]), _within(result, rows), rows["pair"], fast, strict=True
+            np.asarray(rows["time"]), known_to(result, rows, ROUNDING), rows["pair"], fast, strict=True
         )
     ]
 
@@ -394,26 +400,6 @@ def _index(name: str, known: Sequence[str]) -> int:
     if name not in names:
         raise UnknownName(f"nothing is called {name!r} there; {among(str(name), names)}")
     return names.index(name)
-
-
-def _stepped(result: RunData) -> Array:
-    """Numbers of the steps in which something was stepped: all, or of method `events` those in which bodies pressed."""
-    steps = result.steps
-    number = np.asarray(steps["step"])
-    return number[np.asarray(steps["stepped"]) > 0] if len(result.transitions) else number
-
-
-def _within(result: RunData, rows: Table) -> F64:
-    """How well the times of rows of the core are known, s."""
-    if not len(result.transitions):
-        return np.full(len(rows), _step(result))
-    pressed = min(_step(result), result.scene.run.pressing_step)
-    return np.where(np.isin(np.asarray(rows["step"]), _stepped(result)), pressed, ROUNDING)
-
-
-def _step(result: RunData) -> float:
-    times = result.steps["time"]
-    return float(times[0]) if len(times) else 0.0
 
 
 def _sorted(events: Iterable[Event]) -> list[Event]:

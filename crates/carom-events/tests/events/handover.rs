@@ -1,7 +1,7 @@
 //! Where bodies press one another the default scheme takes over, and gives back.
 
 use crate::common::{balls, on_floor, G, R};
-use crate::{advance, begin, options};
+use crate::{advance, begin, options, run};
 use carom_core::options::Method;
 use carom_core::transition::{Kind, Mode, Transition};
 use carom_core::wall::{Disc, Rectangle, Shape};
@@ -77,6 +77,104 @@ fn steps_take_over_and_give_back() {
     assert_eq!((press.time, press.modes[1]), (0.0, Mode::Stepped));
     let time: f64 = of(Kind::Release).last().expect("it ends").time;
     assert!((time - m.stepped).abs() < 1e-2, "{time} {}", m.stepped);
+}
+
+/// What presses elsewhere changes nothing of a ball, whenever reports are due: neither its rows nor its way.
+#[test]
+fn others_go_on_exactly() {
+    let input = at_a_cushion();
+    let mut alone = on_floor([0.2, 0.5, 0.0, 0.0, 0.0]);
+    (alone.position[0], alone.velocity[0]) = (input.position[2], input.velocity[2]);
+    let place = run(&alone, 0.5, 1).state.position[0];
+    let slip_ends = 2.0 / 7.0 * 0.2 / (0.2 * G);
+    for reports in [1, 3, 50] {
+        let mut s = run(&input, 0.5, reports);
+        assert!(s.monitors.stepped > 0.01 && s.monitors.handovers == 1);
+        assert!((s.state.position[2] - place).length() < 1e-13, "{reports}");
+        let rows = rows(&mut s);
+        let own: Vec<_> = rows.iter().filter(|row| row.body == 2).collect();
+        let [row] = own[..] else {
+            panic!("{reports}: {own:?}")
+        };
+        assert_eq!(
+            (row.kind, row.modes),
+            (Kind::SlipEnd, [Mode::Slide, Mode::Roll])
+        );
+        assert!(
+            (row.time - slip_ends).abs() < 1e-14,
+            "{reports}: {}",
+            row.time
+        );
+    }
+}
+
+/// A ball that turns pushes two frozen ones: all three press from the start until all roll, whenever reports are due.
+#[test]
+fn rows_of_what_presses_do_not_depend_on_reports() {
+    let row = [0.0, 2.0 * R, 4.0 * R].map(|x| [x, 0.0, R]);
+    let mut input = balls(&row, &[([0.0; 3], [0.0, 0.0, 1.0])]);
+    input.gravity = [0.0, 0.0, -G];
+    input.laws = vec![
+        (0, 0, [0.06, 0.93, 0.0, 0.0, 0.0]),
+        (0, 1, [0.2, 0.5, 0.0, 0.0, 0.0]),
+    ];
+    input.angular_velocity[0] = [0.0, 100.0, 0.0];
+    let told = [1, 4, 50].map(|reports| {
+        let rows = rows(&mut run(&input, 1.0, reports));
+        let times: Vec<_> = rows.iter().map(|row| row.time).collect();
+        let told: Vec<_> = rows
+            .iter()
+            .map(|row| (row.kind, row.body, row.modes))
+            .collect();
+        (told, times)
+    });
+    let press = |body| (Kind::Press, body, Mode::Stepped);
+    let first: Vec<_> = told[0].0[..3]
+        .iter()
+        .map(|&(kind, body, modes)| (kind, body, modes[1]))
+        .collect();
+    assert_eq!(first, [press(0), press(1), press(2)]);
+    assert_eq!(told[0].1[..3], [0.0; 3]);
+    for (other, times) in &told[1..] {
+        assert_eq!(*other, told[0].0);
+        for (a, b) in times.iter().zip(&told[0].1) {
+            assert!((a - b).abs() < 2e-4, "{a} {b}");
+        }
+    }
+}
+
+/// A ball hits one that presses another: at a time of its own, at which they touch, and the finer the steps the better it is known.
+#[test]
+fn what_presses_is_hit_when_it_is_met() {
+    let mut input = at_a_cushion();
+    input.position[2] = [-0.5, 0.02, R];
+    input.velocity[2] = [3.0, 0.0, 0.0];
+    let found = [1e-3, 1e-4, 1e-6].map(|h| {
+        let mut s = stepped(&input, 0.2, h);
+        assert!(
+            s.monitors.penetration_relative < 1e-9,
+            "{:e}",
+            s.monitors.penetration_relative
+        );
+        let rows = rows(&mut s);
+        let hit = rows
+            .iter()
+            .find(|row| row.kind == Kind::Impact && row.body == 2);
+        let hit = hit.expect("it hits");
+        let other = rows
+            .iter()
+            .find(|row| row.body == 1 && row.time == hit.time);
+        assert_eq!(other.map(|row| row.modes[0]), Some(Mode::Stepped));
+        assert_eq!(hit.other, Some(1));
+        (hit.time, s.state.position[2])
+    });
+    let [coarse, fine, exact] = found;
+    let apart = |a: &(f64, DVec3)| ((a.0 - exact.0).abs(), (a.1 - exact.1).length());
+    let (coarse, fine) = (apart(&coarse), apart(&fine));
+    assert!(
+        fine.0 < 0.3 * coarse.0 + 1e-9 && fine.1 < 0.3 * coarse.1 + 1e-8,
+        "{coarse:?} {fine:?}"
+    );
 }
 
 /// On a slope nothing has a closed form here: the whole run is steps, and the ball rolls down as it should.
