@@ -221,10 +221,7 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "expected a list of ..., found ...": [("load", force("{ table = 3 }"))],
     "expected ... to ... ..., found ...": [("load", force("{ table = [[0,0]] }"))],
     "expected a list of 3 numbers or laws, found ...": [("load", '[[load]]\non = "cue"\nforce = [0,0]\n')],
-    "expected a number or a law, found ...": [
-        ("friction", "friction = 0.2 -> friction = [1.0]"),
-        ("friction", 'friction = 0.2 -> friction = "0.2 - v"'),
-    ],
+    "expected a number or a law, found ...": [("friction", "friction = 0.2 -> friction = [1.0]")],
     "has no finite value at ... = 0...": [("load", force('{ expression = "1/t" }'))],
     "neither force nor torque is given": [("load", '[[load]]\non = "cue"\n')],
     "... has no finite value at t = ... s...": [

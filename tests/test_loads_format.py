@@ -223,9 +223,9 @@ MISTAKES: dict[str, tuple[str, ...]] = {
         '[[load]]\non = "ball"\ntorque = ["1 N", 0, 0]',
         'expected a moment, found "1 N", a force',
     ),
-    "bare expression": (
-        '[[load]]\non = "ball"\nforce = [0, 0, "20*t"]',
-        'number 3: expected a number or a law, found "20*t"; write { expression = "20*t" }',
+    "stranger in a text": (
+        '[[load]]\non = "ball"\nforce = [0, 0, "20*v"]',
+        ':31: load "ball" force: number 3: unknown name "v" in "20*v"; the variable is called t',
     ),
     "unknown form": (
         '[[load]]\non = "ball"\nforce = [0, 0, { expresion = "20*t" }]',
@@ -235,7 +235,7 @@ MISTAKES: dict[str, tuple[str, ...]] = {
         '[[load]]\non = "ball"\nforce = [0, 0, { expression = "t", polynomial = [1] }]',
         "number 3: a law has one key, found expression and polynomial",
     ),
-    "no form": ('[[load]]\non = "ball"\nforce = [0, 0, {}]', "a law has one key, found none; write one of"),
+    "no form": ('[[load]]\non = "ball"\nforce = [0, 0, {}]', "a law has one key, found none; give one of"),
     "misspelt expression": (
         '[[load]]\non = "ball"\nforce = [\n  0,\n  0,\n  { expression = "20*" }]',
         ':34: load "ball" force: number 3: cannot read "20*": column 4',
@@ -326,8 +326,8 @@ MISTAKES: dict[str, tuple[str, ...]] = {
         'unknown name "t" in "0.1*t"; the variable is called v',
     ),
     "friction of a unit": (
-        '[[material]]\nname = "n"\n[[contact]]\nbetween = ["m", "n"]\nrestitution = 0\nfriction = "0.1"',
-        'expected a number, found "0.1"',
+        '[[material]]\nname = "n"\n[[contact]]\nbetween = ["m", "n"]\nrestitution = 0\nfriction = "0.1 mm"',
+        'expected a number, found "0.1 mm"',
     ),
 }
 

@@ -295,7 +295,7 @@ WRONG = [
     (('name = "thin cut"', 'name = "f=0.25"'), None, 'case "f=0.25" name', ["number 1 too"]),
     (('every = "= n"', 'every = "= n + 0.5"'), "n + 0.5", "record.every", ["whole number", "2.5"]),
     (('radius = "= r"', 'radius = "= -r"'), "= -r", 'sphere "cue" radius', ["positive", "-0.028575"]),
-    (('{ expression = "mu*exp(-v)" }', '"= mu*exp(-v)"'), "exp(-v)", f"{LAW} friction", ["depends on v", '"mu*exp(-v)" }']),
+    (('{ expression = "mu*exp(-v)" }', '"= mu*exp(-v)"'), "exp(-v)", f"{LAW} friction", ["depends on v", ': "mu*exp(-v)"']),
     (('"mu*exp(-v)"', '"= mu*exp(-v)"'), "exp(-v)", f"{LAW} friction", ['leave the "=" out']),
     (("restitution = 1.0", 'restitution = "= 1.0 < 2"'), "1.0 < 2", f"{LAW} restitution", ["column 7", "compare"]),
 ]  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import pickle
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -323,6 +324,7 @@ BALL: dict[str, Any] = {"name": "a", "radius": 1, "mass": 1, "position": (0, 0, 
         ({"mass": None}, "neither mass nor density is given"),
         ({"name": "cue"}, "name: there is already a sphere, clump or wall"),
         ({"name": ""}, "name: must be 1 to 200 printable characters"),
+        ({"name": "a\u200bb"}, '200 printable characters, found \\u200b in "a b"; '),
     ],
 )
 def test_mistakes_in_spheres(keys: dict[str, Any], message: str) -> None:
@@ -557,3 +559,34 @@ def test_laws_are_written_alike_in_calls_and_attributes() -> None:
     old = (box.stretch, box.shear)
     box.stretch, box.shear = (1, "exp(-t)", 1), "2*t"  # type: ignore[assignment]
     assert (box.stretch, box.shear) == old
+
+
+def test_a_text_is_a_formula_wherever_a_law_stands() -> None:
+    """In calls and in files: some took a text, others asked for the table that it stands for."""
+
+    def scene(of: Callable[[str], Any]) -> Scene:
+        made = Scene(gravity=(0, 0, 0), run={"until": 0.1, "step": 1e-3})
+        made.contact("m", "m", friction=of("0.1 + exp(-v)"), restitution=of("0.9*exp(-v)"))
+        for name, x in {"a": 0.0, "b": 0.1}.items():
+            made.sphere(name, radius=0.01, mass=1, material="m", position=(x, 0, 0.5))
+        made.load("a", force=("5 N", of("sin(t)"), 0))
+        made.joint("rod", between=["a", "b"], length=of("0.1 + 0.1*t"))
+        motion = {"translation": (0, 0, of("sin(t)"))}
+        made.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="m", motion=motion)
+        return made
+
+    plain, spelled = scene(str), scene(lambda text: {"expression": text})
+    assert plain == spelled
+    text = spelled.to_toml()
+    bare = re.sub(r"\{ expression = (.*?) \}", r"\1", text)
+    assert bare.count('"sin(t)"') == 2
+    assert "expression" not in bare
+    assert Scene.from_toml(bare) == plain
+    used = bare.replace("0.1 + exp", "k + exp").replace("0.1*t", "k*t") + "\n[parameters]\nk = 0.1\n"
+    assert Scene.from_toml(used).to_model()["friction_law"] == [("expression", "(0.1) + exp(-v)")]
+    for unit in ("5 N", "5*N", "5 kg m/s^2"):  # a quantity, where it can be read as one
+        assert plain.load("b", force=(unit, 0, 0)).force == (5.0, 0.0, 0.0)
+    with pytest.raises(ScenarioError, match=r'unknown name "v".*the variable is called t'):
+        plain.load("b", force=("20*v", 0, 0))
+    with pytest.raises(ScenarioError, match="remove the quotes"):
+        plain.load("b", force=("20", 0, 0))

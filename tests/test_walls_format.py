@@ -293,7 +293,7 @@ MISTAKES: dict[str, tuple[str, Any, str]] = {
     ),
     "start elsewhere": (
         "plane", {"motion": {"translation": [0, {"expression": "cos(3*t)"}, 0]}},
-        'must be 0 at t = 0, where the wall stands as written; found 1; write { expression = "cos(3*t) - (1)" }',
+        'must be 0 at t = 0, where the wall stands as written; found 1; write "cos(3*t) - (1)", or',
     ),
     "rate in Hz": ("plane", {"motion": {"rotation": {"axis": (0, 0, 1), "rate": "1 1/s"}}}, "expected an angular speed"),
     "no room": ("box", {"high": (1, -1, 1)}, "high: is not above low along y: -1 m after -1 m"),

@@ -14,7 +14,7 @@ from carom.scene.tables.loads import Drag, Load, LoadFunction, Spring
 from carom.scene.tables.model import Scenario
 
 Law = Number | Mapping[str, Any]
-"""A number, a string with a unit, or `{"polynomial": [...]}`, `{"table": [...]}`, `{"expression": "20*t"}`."""
+"""A number, a string with a unit, a formula as "20*t", or `{"polynomial": [...]}`, `{"table": [...]}`."""
 LoadCallable = Callable[[float, F64, F64, F64], Any]
 
 
@@ -63,7 +63,7 @@ class Attacher:
     ) -> Load:
         """Push the sphere `on`: `force` N at its centre and `torque` N m, in fixed axes.
 
-        Each component is a number or a law of the time, as `force=(0, 0, {"expression": "20*t"})`.
+        Each component is a number or a law of the time, as `force=(0, 0, "20*t")`.
         """
         load = make(Load, f"Scene.load({quoted(on)})", on=on, force=force, torque=torque)
         self._tree.load.append(load)

@@ -35,7 +35,7 @@ _V = TypeVar("_V")
 
 def make(table: type[_T], label: str, **given: Any) -> _T:
     """A checked table; arguments that are None count as not given."""
-    given = {key: table.spoken(key, value) for key, value in given.items() if value is not None}
+    given = {key: value for key, value in given.items() if value is not None}
     try:
         return table.model_validate(given)
     except ValidationError as e:
@@ -87,7 +87,7 @@ class Builder:
     ) -> Contact:
         """The contact law of two materials, which may be the same one. Every pair that can meet needs a law.
 
-        `friction` mu >= 0, a number or a law of the slip speed `v`, as "0.01 + 0.1*exp(-v)" or any `{"expression": ...}`;
+        `friction` mu >= 0, a number or a law of the slip speed `v`, as "0.01 + 0.1*exp(-v)" or `{"table": ...}`;
         `restitution` e_N in [0, 1], the same of the approach speed; `tangential_restitution` e_T in (-1, 1];
         `rolling_radius` rho and `spinning_radius` delta: moment that resists rolling or spinning over the normal force, m;
         `stiffness_ratio` over other pairs of equal radii, for impacts through springs; `cohesion` in touch, N, which falls

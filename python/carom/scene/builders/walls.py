@@ -17,7 +17,7 @@ from carom.scene.tables.walls import BallWall, Box, Cone, Cylinder, Mesh, Plane
 MotionLike = Motion | Mapping[str, Any]
 """`{"translation": [law, law, law], "rotation": {"axis", "point", "angle" or "rate"}, "surface_velocity": [x, y, z],
 "surface_rotation": {"axis", "point", "rate"}}`, any of them; a law of the time is a number or, for example,
-`{"expression": "0.1*sin(t)"}`.
+`"0.1*sin(t)"`.
 """
 FreeLike = Free | Mapping[str, Any]
 """`{"mass": kg, "force": N}` or `{"mass": kg, "pressure": Pa, "area": m^2}`, both numbers or laws of the time `t`;

@@ -10,7 +10,7 @@ from carom.scene.builders.balls import Builder, make
 from carom.scene.tables.deformation import Deformation
 
 Law = float | str | Mapping[str, Any]
-"""A number, an expression of the time `t`, or a law as `{"table": [[0.0, 1.0], [2.0, 0.9]]}`."""
+"""A number, a formula of the time `t`, or a law as `{"table": [[0.0, 1.0], [2.0, 0.9]]}`."""
 
 
 class Deformer(Builder):
@@ -27,8 +27,8 @@ class Deformer(Builder):
     ) -> Deformation:
         """Let the periodic box deform: `stretch` its lengths, or `shear` it (Lees-Edwards boundaries).
 
-        `stretch` are three numbers or laws of the time, factors on the lengths in `periodic`, 1 at t = 0; a text is an
-        expression: `stretch=(1, 1, "exp(-0.1*t)")`. `shear` is the same of the shear strain, 0 at t = 0: planes across the
+        `stretch` are three numbers or laws of the time, factors on the lengths in `periodic`, 1 at t = 0; a text is a
+        formula: `stretch=(1, 1, "exp(-0.1*t)")`. `shear` is the same of the shear strain, 0 at t = 0: planes across the
         axis `gradient` move along the axis `flow`, as `shear="2*t", flow="x", gradient="z"`. The centre of the box stays.
         Velocities of balls in the scene are against the mean flow; those that are recorded are not.
         """

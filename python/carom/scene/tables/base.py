@@ -18,27 +18,14 @@ class Table(BaseModel):
     section: ClassVar[str] = ""
     """Name of the table in the file."""
 
-    formulas: ClassVar[tuple[str, ...]] = ()
-    """Keys of which Python may write a law as a text, an expression: those without a unit."""
-
     def __setattr__(self, name: str, value: Any) -> None:
         known = type(self).model_fields
         if name not in known and not name.startswith("_"):
             raise ScenarioError([Problem(self.label(), name, "unknown key", did_you_mean(name, list(known)))])
-        value = self.spoken(name, value)
         try:
             super().__setattr__(name, value)
         except ValidationError as e:
             raise from_python(e, type(self), self.label(), {**self.__dict__, name: value}) from None
-
-    @classmethod
-    def spoken(cls, name: str, value: Any) -> Any:
-        """What is given in Python at a key, as a file has it."""
-        if name not in cls.formulas:
-            return value
-        if isinstance(value, list | tuple):
-            return [cls.spoken(name, part) for part in value]
-        return {"expression": value} if isinstance(value, str) else value
 
     def label(self) -> str:
         """How messages call this table."""

@@ -22,7 +22,6 @@ class Deformation(Table):
     """How a periodic box deforms: its vectors are those at the start times F = diag(stretch) + shear along flow."""
 
     section: ClassVar[str] = "deformation"
-    formulas = ("stretch", "shear")
 
     stretch: Annotated[LawVec3, LawVector("t", "number", POSITIVE)] | None = key(
         "lengths along x, y, z over those at the start: numbers or laws of the time t that are 1 at the start",
@@ -108,7 +107,7 @@ def _starts_at(law: LawValue, wanted: float, part: tuple[str | int, ...]) -> Non
     if math.isfinite(start) and start != wanted:
         constant = not isinstance(law, dict)
         cure = (
-            f'write a law of the time: {{ expression = "{"1 - 0.1*t" if wanted else "2*t"}" }}'
+            f'write a law of the time: "{"1 - 0.1*t" if wanted else "2*t"}"'
             if constant
             else f"{'divide by' if wanted else 'subtract'} its first value, or give other lengths in periodic"
         )

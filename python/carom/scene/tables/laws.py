@@ -1,6 +1,6 @@
 """Laws of one variable: a number, a polynomial, a table or an expression in `t` (time, s) or `v` (a speed, m/s).
 
-A law is kept as it is written: a float, or a dict with one of the keys `polynomial`, `table`, `expression`. One that is
+A law is kept as a float, or as a dict with one of the keys `polynomial`, `table`, `expression` (a text is the last). What is
 constant is the float: what knows numbers alone, as method `events` on level walls, takes it however it is written. The core
 evaluates it in the steps; here it is only looked at before a run, to say what is wrong with it.
 """
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic_core import PydanticCustomError
 
-from carom import _core
+from carom import _core, units
 from carom.errors import did_you_mean, quoted
 from carom.scene.tables.fields import ANY, Bounds, Checked, Quantity, inside, refuse
 from carom.scene.tables.lists import Vector, as_list, each
@@ -52,6 +52,8 @@ class Law(Checked):
     moves: bool = False
 
     def check(self, value: Any) -> LawValue:
+        if self.writes_formula(value):
+            return self.check({"expression": value})
         if not isinstance(value, Mapping):
             return self._constant(value)
         unknown = [key for key in value if key not in FORMS]
@@ -60,7 +62,7 @@ class Law(Checked):
             raise refuse(cause, did_you_mean(str(unknown[0]), FORMS), (str(unknown[0]),))
         if len(value) != 1:
             cause = "a law has one key, found " + (" and ".join(value) or "none")
-            raise refuse(cause, f"write one of {self._examples()}")
+            raise refuse(cause, f"give one of {', '.join(FORMS)}")
         ((form, given),) = value.items()
         try:
             values = _FORMS[form](given, self.variable)
@@ -85,6 +87,18 @@ class Law(Checked):
                 raise refuse(cause, "change this point", (form, k))
         return start if _constant(form, values) else law
 
+    def writes_formula(self, value: Any) -> bool:
+        """Whether a value is a formula: a text that is no number with a unit, nor one of parameters of a file."""
+        if not isinstance(value, str) or value.lstrip().startswith("=") or units.is_quantity(value):
+            return False
+        if self.dimension == "number":
+            return True
+        try:
+            units.parse(value, self.dimension)
+        except units.UnitError:
+            return _reads(value)
+        return False
+
     def _constant(self, value: Any) -> float:
         try:
             return Quantity(self.dimension, self.bounds).check(value)
@@ -92,18 +106,10 @@ class Law(Checked):
             if callable(value):
                 cure = "a Python function is a load of its own: scene.load_function(f)"
                 raise refuse("expected a number or a law, found a function", cure) from None
-            if isinstance(value, str) and _reads(value):
-                cause = f"expected a number or a law, found {quoted(value)}"
-                raise refuse(cause, f'write {{ expression = "{value}" }}') from None
             if isinstance(value, str | int | float):
                 raise e
-            raise refuse(
-                f"expected a number or a law, found {quoted(value)}", f"write a number or {self._examples()}"
-            ) from None
-
-    def _examples(self) -> str:
-        x = self.variable
-        return f'{{ polynomial = [0.0, 20.0] }}, {{ table = [[0.0, 0.0], [1.0, 20.0]] }}, {{ expression = "20*{x}" }}'
+            cause = f"expected a number or a law, found {quoted(value)}"
+            raise refuse(cause, f'write a number, or a formula in quotes, as "20*{self.variable}"') from None
 
     def json_schema(self) -> dict[str, Any]:
         pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
@@ -116,8 +122,8 @@ class Law(Checked):
             {"type": "object", "properties": {key: item}, "required": [key], "additionalProperties": False}
             for key, item in items.items()
         ]
-        constant = Quantity(self.dimension, self.bounds).json_schema()
-        return {"anyOf": [*constant.get("anyOf", [constant]), *forms]}
+        constant = [{"type": "number", **self.bounds.schema()}, {"type": "string", "minLength": 1}]
+        return {"anyOf": [*constant, *forms]}
 
 
 @dataclass(frozen=True)
@@ -134,14 +140,15 @@ class LawVector(Checked):
         if not isinstance(value, list | tuple) or len(value) != 3:
             found = f"a list of {len(value)}" if isinstance(value, list | tuple) else quoted(value)
             cause = f"expected a list of 3 numbers or laws, found {found}"
-            raise refuse(cause, f'write for example [0.0, 0.0, {{ expression = "20*{self.variable}" }}]')
-        return tuple(each(value, self._item().check))
+            raise refuse(cause, f'write for example [0.0, 0.0, "20*{self.variable}"]')
+        return tuple(each(value, self.item().check))
 
-    def _item(self) -> Law:
+    def item(self) -> Law:
+        """What each of the three is."""
         return Law(self.variable, self.dimension, self.bounds, self.moves)
 
     def json_schema(self) -> dict[str, Any]:
-        return {"type": "array", "items": self._item().json_schema(), "minItems": 3, "maxItems": 3}
+        return {"type": "array", "items": self.item().json_schema(), "minItems": 3, "maxItems": 3}
 
 
 def _constant(form: str, data: Any) -> bool:
@@ -212,7 +219,7 @@ def parse(text: str) -> Expression:
 
 
 def _reads(text: str) -> bool:
-    """Whether a text in place of a number is an expression without its braces."""
+    """Whether a text in place of a number with a unit is a formula of something."""
     try:
         return bool(parse(text).variables)
     except ValueError:

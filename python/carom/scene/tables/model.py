@@ -114,7 +114,6 @@ class Contact(Table):
     """The contact law of a pair of materials. Every pair that can meet needs one."""
 
     section: ClassVar[str] = "contact"
-    formulas = ("friction", "restitution")
 
     between: Annotated[tuple[str, str], Pair()] = key(
         "the two materials, in any order; the same twice for contact among equals",

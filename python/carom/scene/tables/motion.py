@@ -118,7 +118,7 @@ def _starts_at_zero(law: LawValue, part: tuple[str | int, ...]) -> None:
     start = value_at(law, 0.0)
     if math.isfinite(start) and abs(start) > 1e-12:
         if isinstance(law, dict) and "expression" in law:
-            cure = f'write {{ expression = "{law["expression"]} - ({start:.12g})" }}, or move the wall itself'
+            cure = f'write "{law["expression"]} - ({start:.12g})", or move the wall itself'
         else:
             cure = "subtract its first value, or move the wall itself"
         raise refuse(f"must be 0 at t = 0, where the wall stands as written; found {start:.6g}", cure, part)

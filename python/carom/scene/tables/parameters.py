@@ -327,8 +327,11 @@ def _replaced(
             return value
         return int(x) if isinstance(kind, Integer | Integers) and x.is_integer() else x
     if isinstance(value, list):
-        return [_replaced(v, kind, (*path, i), values, formulas) for i, v in enumerate(value)]
-    if isinstance(value, dict) and isinstance(kind, Law | LawVector):
+        part = kind.item() if isinstance(kind, LawVector) else kind
+        return [_replaced(v, part, (*path, i), values, formulas) for i, v in enumerate(value)]
+    if isinstance(kind, Law) and kind.writes_formula(value):
+        value = {"expression": value}
+    if isinstance(value, dict) and isinstance(kind, Law):
         return {
             key: formulas.law(v, (*path, key), values, kind)
             if key == "expression" and isinstance(v, str)

@@ -143,7 +143,7 @@ class Formulas:
         self.refuse(
             path,
             f"{quoted(text)} is not a number: it depends on {variable}",
-            f'write it as a law: {{ expression = "{formula}" }}',
+            f'write it as a law, without the "=": "{formula}"',
         )
         return True
 
