@@ -196,7 +196,7 @@ def test_results_that_are_removed_under_the_run(small: Whole, tmp_path: Path) ->
     for path in checkpoint.found(run):
         checkpoint.load(path)
     if checkpoint.found(run):
-        with pytest.raises(CaromError, match=r"cannot be used: there are no results yet.*--checkpoint start"):
+        with pytest.raises(CaromError, match=r"cannot be used: results.h5 is missing.*--checkpoint start"):
             carom.resume(run)
     carom.resume(run, checkpoint="start")
     assert not differences(recorded(run), small.data, prefix=False)

@@ -14,6 +14,7 @@ import carom
 import fake_sim
 import pytest
 from carom import CaromError, _core
+from carom.result.directory import RunDir
 from carom.result.record import Rows
 from carom.run import checkpoint
 from carom.run.sinks import Progress
@@ -231,15 +232,23 @@ def test_a_record_without_checkpoints_is_not_replaced_unasked(keep: bool, scene:
 
 
 @pytest.mark.usefixtures("small_blocks")
-def test_results_that_are_gone_are_missed(scene: Any, tmp_path: Path) -> None:
+def test_results_that_are_gone_are_missed(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     carom.simulate(scene, until=1.0, out=tmp_path / "whole")
     run = tmp_path / "run"
     stopped_with_two_checkpoints(scene, run)
     results = run / "results.h5"
     content = results.read_bytes()
     results.unlink()
-    with pytest.raises(CaromError, match=r"there are no results yet.*--checkpoint start"):
+    with pytest.raises(CaromError, match=r"results.h5 is missing.*--checkpoint start"):
         carom.resume(run)
+    with pytest.raises(CaromError, match=r"run: results.h5 is missing; .*--checkpoint start"):
+        carom.load(run)
+    with monkeypatch.context() as going_on:
+        going_on.setattr(RunDir, "is_being_written", lambda _: True)
+        with pytest.raises(CaromError, match=r"run: there are no results yet"):
+            carom.load(run)
     # Of another run, shorter than this one.
     carom.simulate(scene, until=0.1, out=tmp_path / "short")
     results.write_bytes((tmp_path / "short" / "results.h5").read_bytes())

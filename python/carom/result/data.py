@@ -27,8 +27,8 @@ from carom.result.directory import RunDir, temporary
 from carom.result.kinematics import Frames, Part
 from carom.result.names import Names
 from carom.result.outcome import Outcome
-from carom.result.record import Column, Memory, Record, Segments, Writer
-from carom.result.run_json import checked, refuse_lost
+from carom.result.record import Column, Memory, Record, Writer
+from carom.result.run_json import checked, opened
 from carom.result.selection import Selection
 from carom.result.tables import (
     Contacts,
@@ -74,9 +74,8 @@ class RunData(Frames[Column]):
     def load(cls, path: str | Path) -> Self:
         """The result of a run directory, also of one that is still being written or was killed."""
         directory = RunDir.open(path)
-        about, segments = checked(directory), Segments(directory.segments())
-        result = cls(about, segments, directory)
-        refuse_lost(directory, about, segments)
+        about = checked(directory)
+        result = cls(about, opened(directory, about), directory)
         if result.status == "running":
             why = "is still being written" if result.is_being_written else "did not finish"
             cure = "" if result.is_being_written else f" (`carom resume {result.path}` continues it)"

@@ -102,14 +102,21 @@ def continued(directory: RunDir) -> dict[str, Any]:
     return about
 
 
-def refuse_lost(directory: RunDir, about: Mapping[str, Any], segments: Segments) -> None:
-    """Raise if results are not there that came before others, or before the step at which the run ended."""
+def opened(directory: RunDir, about: Mapping[str, Any]) -> Segments:
+    """The results. Raises if some are not there that came before others, or before the step at which the run ended."""
+    paths = directory.segments()
+    if not paths and directory.is_being_written():
+        raise CaromError(f"{directory.path}: there are no results yet: the run has just begun")
+    cure = f"`carom resume {directory.path} --checkpoint start` computes the run anew"
+    if not paths:
+        raise CaromError(f"{directory.path}: results.h5 is missing; {cure}")
+    segments = Segments(paths)
     parts, starts = about.get("segments") or [{}], segments.starts
     # One that is being written may be longer by now.
     ended = None if directory.is_being_written() else parts[-1].get("to_step")
     lack = segments.lack(ended)
     if lack is None:
-        return
+        return segments
     wrong = []
     for part in parts:
         first = part.get("file")
@@ -117,7 +124,6 @@ def refuse_lost(directory: RunDir, about: Mapping[str, Any], segments: Segments)
         wrong += [f"{name} is missing" for name in files if name not in starts]
         if starts.get(first, part.get("from_step")) != part.get("from_step"):
             wrong.append(f"{first} begins after step {starts[first]} and not {part.get('from_step')}")
-    cure = f"`carom resume {directory.path} --checkpoint start` computes the run anew"
     raise CaromError(f"{directory.path}: {'; '.join([*wrong, lack, cure])}")
 
 

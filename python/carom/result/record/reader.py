@@ -146,7 +146,7 @@ class Segments:
     @alone
     def __init__(self, paths: Sequence[Path], upto: Rows | None = None) -> None:
         if not paths:
-            raise CaromError("there are no results yet: no results.h5 in the run directory")
+            raise CaromError("results.h5 is missing")
         self._paths = [Anchored(path) for path in paths]
         self._shared = [Shared.of(path, self) for path in paths]
         firsts = [first_rows(file) for file in self._files]
