@@ -237,8 +237,11 @@ class Text(Checked):
             raise refuse(
                 f"expected a string, found {quoted(value)}", 'write it in quotes, for example "ball"'
             )
-        if not self.least <= len(value) <= self.most or not (value.isprintable()):
+        hidden = [c for c in value if not c.isprintable()]
+        if not self.least <= len(value) <= self.most or hidden:
             found = "nothing" if not value else quoted(value)
+            if hidden:
+                found = f"{ascii(hidden[0])[1:-1]} in {found}"
             raise refuse(
                 f"must be {self.least} to {self.most} printable characters, found {found}",
                 "shorten or rename it",
