@@ -111,7 +111,7 @@ def test_axes_have_labels_and_units(result: carom.Result) -> None:
         # Rows are named by the pairs of bodies instead.
         assert all(axis.get_ylabel() or axis.get_yticklabels()[0].get_text() for axis in axes)
     assert [a.get_ylabel() for a in result.plot.velocities().axes] == [f"$v_{k}$ (m/s)" for k in "xyz"]
-    assert result.plot.heights().axes[0].get_ylabel() == "height above bed (mm)"
+    assert result.plot.heights().axes[0].get_ylabel() == "height (mm)"
     [legend] = result.plot.velocities().legends
     assert [text.get_text() for text in legend.get_texts()] == result.names
     assert len(set(COLOURS)) == len(COLOURS)

@@ -17,7 +17,7 @@ pytest.importorskip("matplotlib", reason="the extra [plot] is not installed")
 from carom.cli.examples import find
 from carom.many.sweep.plot import _title
 from carom.show.plot import contact
-from carom.show.plot.style import paired
+from carom.show.plot.style import WIDTHS, column_width, paired
 from carom.text import LONGEST, shortened
 
 LONG = "a name that nobody would write but that a program may well have made, of ball number 17"
@@ -66,6 +66,22 @@ def test_long_names_are_shortened_in_labels_and_whole_in_the_numbers() -> None:
     [legend] = chart.figure.legends
     assert [text.get_text() for text in legend.get_texts()] == [shortened(LONG)]
     assert f"{LONG} v_x (m/s)" in chart.data
+
+
+@pytest.mark.parametrize("wide", WIDTHS)
+def test_figures_grow_with_the_lines_of_titles_and_legends(wide: str) -> None:
+    """`trajectories` had the title over the legend, and its lower labels were cut, with two lines or four entries."""
+    plot = drop(f"{LONG}, {LONG}, and more", *(f"{LONG}{k}" for k in range(8))).plot
+    for kind in plot.available():
+        with column_width(wide):
+            figure = plot.chart(kind).figure
+        for _ in range(2):  # as when it is saved: boxes of equal aspect are placed by the first
+            figure.draw_without_rendering()
+        drawn, page = figure.get_tightbbox(), figure.get_size_inches()
+        assert min(*drawn.min, *(page - drawn.max)) > -0.01, kind
+        title = figure.axes[0]._left_title.get_window_extent()  # type: ignore[attr-defined]
+        assert all(legend.get_window_extent().y0 >= title.y1 - 1 for legend in figure.legends), kind
+        assert figure.axes[0].get_position().height * page[1] > 0.4, kind
 
 
 def test_of_a_long_sequence_the_sums_of_its_problems_are_drawn(
@@ -151,7 +167,8 @@ def test_heights_above_a_piece_of_a_plane_are_those_above_the_plane(piece: dict[
     scene.sphere("a", radius=0.01, mass=1.0, at=(0, 0, 0.27), material="m")
     chart = carom.simulate(scene, every=10).plot.chart("heights")
     fallen = 10.0 - 4900.0 * chart.data["time (s)"][:5] ** 2  # mm
-    assert chart.figure.axes[0].get_ylabel() == "height above floor (mm)"
+    assert chart.figure.axes[0].get_ylabel() == "height (mm)"
+    assert chart.figure.axes[0].get_title(loc="left") == "t: height above floor"
     assert chart.data["a height (mm)"][:5] == pytest.approx(fallen, abs=1e-9)
 
 

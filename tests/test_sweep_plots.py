@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import carom
 import numpy as np
@@ -178,3 +179,29 @@ def test_labels_of_fits_have_units() -> None:
     assert _label("cue.position.x") == "cue\nposition.x (m)"
     assert _label("b.angular_velocity.z") == "b\nangular_velocity.z (rad/s)"
     assert _label("share") == "share"
+
+
+@pytest.mark.parametrize(("spread", "scale"), [(1e-12, "linear"), (1e3, "log")])
+def test_ticks_of_a_search_tell_apart_what_they_are_at(spread: float, scale: str) -> None:
+    """Of chi squared that hardly changed all ticks read 4.59184 x 10^-2, and points were counted in halves."""
+    from carom.many.fit.plot import path
+
+    calibration = SimpleNamespace(
+        study=SimpleNamespace(title="t"),
+        names=["mu"],
+        values=lambda shares: shares,
+        axes=[SimpleNamespace(at=lambda share: share, log=False)],
+    )
+    chi2 = 0.0459183 * (1 + spread * np.array([1.0, 0.4, 0.0, 0.0, 0.0]))
+    points = SimpleNamespace(
+        calibration=calibration, shares=np.linspace(0, 1, 5)[:, np.newaxis], good=np.full(5, True), chi2=chi2
+    )
+    figure = path(points).figure  # type: ignore[arg-type]
+    figure.draw_without_rendering()
+    above, below = figure.axes
+    assert above.get_yscale() == scale
+    texts = [text.get_text() for text in above.get_yticklabels() if text.get_text()]
+    assert len(texts) > 1
+    assert len(set(texts)) == len(texts)
+    assert not above.yaxis.get_offset_text().get_text()
+    assert all(float(x).is_integer() for x in below.get_xticks())

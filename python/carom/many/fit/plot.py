@@ -11,7 +11,17 @@ from carom.arrays import Array
 from carom.many.fit.data import moving
 from carom.many.fit.points import Points
 from carom.result.kinematics import QUANTITIES
-from carom.show.plot.style import COLOURS, GREY, Chart, literal, panels, styled, width
+from carom.show.plot.style import (
+    COLOURS,
+    GREY,
+    Chart,
+    literal,
+    opened,
+    panels,
+    sheet,
+    styled,
+    whole_numbers,
+)
 from carom.text import shortened
 
 if TYPE_CHECKING:
@@ -19,19 +29,19 @@ if TYPE_CHECKING:
 
 #: Quantities that are drawn, the first ones.
 MOST = 6
+#: Of chi squared that the axis shows at least, as a share: what changes less is flat.
+SPAN = 0.1
 #: Letters beside a panel.
 LETTERS = 20
 
 
 def curves(fit: Fit) -> Chart:
     """Each target with its uncertainty and the fitted values, and beside it what is left over the uncertainty."""
-    from carom.show.plot.figure import Drawing
-
     table = {name: np.array(values) for name, values in fit.residuals.items()}
     numbers = {name: values for name, values in table.items() if values.dtype.kind != "U"}
     chosen = list(dict.fromkeys(table["quantity"].tolist()))[:MOST]
     with styled():
-        figure = Drawing(figsize=(width(), 1.6 * len(chosen) + 0.5), layout="constrained")
+        figure, head = sheet(1.6 * len(chosen) + 0.5, fit.calibration.study.title, 0.2)
         grid = figure.subplots(len(chosen), 2, squeeze=False, width_ratios=(3, 2))
         for (axis, rest), name in zip(grid, chosen, strict=True):
             rows = np.flatnonzero(table["quantity"] == name)
@@ -61,7 +71,7 @@ def curves(fit: Fit) -> Chart:
         figure.align_ylabels(grid[:, 0])
         grid[0, 0].legend()
         grid[0, 1].set_title("residual over uncertainty", loc="left")
-        figure.suptitle(literal(fit.calibration.study.title), x=0.01, ha="left", fontsize=9)
+        figure.suptitle(head, x=0.01, ha="left", fontsize=9)
     return Chart(figure, {"target": table["quantity"], **numbers})
 
 
@@ -85,8 +95,11 @@ def path(points: Points) -> Chart:
         figure, axes = panels(1 + len(names), 1.2 * (1 + len(names)) + 0.6, points.calibration.study.title)
         axes[0].plot(order, chi2, ".", color=COLOURS[0], markersize=3)
         axes[0].plot(order, np.fmin.accumulate(chi2), color=COLOURS[1], label="least so far")
-        if np.nanmin(chi2) > 0:
+        least, most = np.nanmin(chi2), np.nanmax(chi2)
+        if 0 < 10 * least < most:
             axes[0].set_yscale("log")
+        else:
+            opened(axes[0], SPAN * most)
         axes[0].set_ylabel("chi squared")
         axes[0].legend()
         for k, name in enumerate(names):
@@ -100,4 +113,5 @@ def path(points: Points) -> Chart:
             if bounds.log:
                 axis.set_yscale("log")
         axes[-1].set_xlabel("point")
+        whole_numbers(axes[-1].xaxis, 12)
     return Chart(figure, numbers)

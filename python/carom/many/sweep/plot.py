@@ -21,6 +21,7 @@ from carom.show.plot.style import (
     headed,
     literal,
     named,
+    sheet,
     styled,
     width,
 )
@@ -60,7 +61,7 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     chosen = chosen_columns(sweep, columns)
     numbers: dict[str, Array] = {}
     with styled():
-        figure, axes = _sheet(len(chosen), 1.7)
+        figure, head, axes = _panels(sweep, len(chosen), 1.7)
         for axis, name in zip(axes, chosen, strict=False):
             values = _finite(sweep, name)
             counts, edges = np.histogram(values, bins=_bins(values))
@@ -74,7 +75,7 @@ def histograms(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
             numbers[f"{name}: from{unit}"] = _filled(edges[:-1], BINS)
             numbers[f"{name}: to{unit}"] = _filled(edges[1:], BINS)
             numbers[f"{name}: cases"] = _filled(counts.astype(float), BINS)
-        figure.suptitle(_title(sweep), x=0.01, ha="left", fontsize=9)
+        figure.suptitle(head, x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
 
@@ -92,10 +93,8 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
     size = _dot(len(rows))
     numbers: dict[str, Array] = {"case": sweep["case"][rows]}
     with styled():
-        from carom.show.plot.figure import Drawing
-
-        height = PANEL * len(chosen) + 0.7
-        figure = Drawing(figsize=(width(), height), layout="constrained")
+        title = _title(sweep) + "; line: median; %: what the parameter explains" * lined
+        figure, head = sheet(PANEL * len(chosen) + 0.7, title, 0.2)
         grid = figure.subplots(len(chosen), len(varied), sharex="col", sharey="row", squeeze=False)
         for i, column in enumerate(chosen):
             y = np.asarray(sweep[column], float)
@@ -118,19 +117,12 @@ def responses(sweep: Sweep, columns: Sequence[str] = ()) -> Chart:
                     axis.set_xlabel(_label(sweep, name, 0.8 * width() / len(varied)))
                     axis.locator_params(axis="x", nbins=_ticks(len(varied)))
         figure.align_ylabels()
-        figure.suptitle(
-            _title(sweep) + "; line: median; %: what the parameter explains" * lined,
-            x=0.01,
-            ha="left",
-            fontsize=9,
-        )
+        figure.suptitle(head, x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
 
 def places(sweep: Sweep, by: str | None = None) -> Chart:
     """Where up to four balls end, seen from above, m: dots coloured by the parameter `by`, or that which tells most."""
-    from carom.show.plot.figure import Drawing
-
     names = [name.removesuffix(".position.x") for name in sweep.columns if name.endswith(".position.x")][
         :MOST_BALLS
     ]
@@ -149,7 +141,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
         tall = float(np.clip((high - low) / max(right - left, 1e-12), 0.3, 1.2))
         wide = 0.55 * max(right - left, (high - low) / tall, 1e-12)  # half of a panel
         height = 0.75 + lines * (0.3 + tall * 0.76 * width() / columns)
-        figure = Drawing(figsize=(width(), height), layout="constrained")
+        figure, head = sheet(height, f"{_title(sweep)}; places at the end", 0.2)
         axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axis, name in zip(axes, names, strict=False):
             x, y = (sweep[f"{name}.position.{letter}"][rows] for letter in letters)
@@ -178,7 +170,7 @@ def places(sweep: Sweep, by: str | None = None) -> Chart:
             axis.tick_params(labelbottom=True)
             axis.set_xlabel(f"${letters[0]}$ (m)")
         figure.colorbar(dots, ax=list(axes), label=_label(sweep, by, height - 1.0), aspect=40, shrink=0.8)
-        figure.suptitle(f"{_title(sweep)}; places at the end", x=0.01, ha="left", fontsize=9)
+        figure.suptitle(head, x=0.01, ha="left", fontsize=9)
     return Chart(figure, numbers)
 
 
@@ -290,7 +282,7 @@ def _dot(count: int) -> float:
 def _title(sweep: Sweep) -> str:
     failed = int((~sweep.ok).sum())
     cases = f"{int(sweep.ok.sum())} cases" + (f", {failed} failed" if failed else "")
-    return literal(headed(sweep.study.title, cases))
+    return headed(sweep.study.title, cases)
 
 
 def _label(sweep: Sweep, column: str, room: float) -> str:
@@ -338,19 +330,18 @@ def _median(axis: Axes, x: F64, y: F64) -> None:
     )  # fmt: skip
 
 
-def _sheet(count: int, height: float) -> tuple[Figure, list[Axes]]:
-    from carom.show.plot.figure import Drawing
-
+def _panels(sweep: Sweep, count: int, height: float) -> tuple[Figure, str, list[Axes]]:
+    """A sheet with its title in lines, and panels in rows."""
     columns = _columns(count)
     rows = -(-count // columns)
-    figure = Drawing(figsize=(width(), height * rows + 0.4), layout="constrained")
+    figure, head = sheet(height * rows + 0.4, _title(sweep), 0.2)
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axis in axes[count:]:
         axis.set_visible(False)
     for axis in axes:
         axis.grid(color=GREY, alpha=0.2)
         axis.locator_params(axis="x", nbins=_ticks(columns))
-    return figure, axes
+    return figure, head, axes
 
 
 def _columns(count: int) -> int:

@@ -11,12 +11,12 @@ from carom.show.plot.style import (
     COLOURS,
     DASHES,
     Chart,
-    fitted,
     headed,
     legend,
     named,
     paired,
     seen,
+    sheet,
     styled,
     unmarked,
     width,
@@ -35,15 +35,14 @@ IMPULSES = "_impulses"
 
 def beside(found: Comparison) -> Chart:
     """Velocities at the end as bars; of impact laws below them how impulses grow, a panel for each law."""
-    from carom.show.plot.figure import Drawing
-
     grown = [run for run in found if run.impulses]
     lines = -(-len(grown) // BESIDE)
     with styled():
         heights = [1.9 + 1.7 * len(found.directions), 1.9 * lines]
-        figure = Drawing(figsize=(width(), sum(heights)), layout="constrained")
+        figure, head = sheet(sum(heights), headed(found.title, f"velocities at {found.times[-1]:g} s"))
+        heights[0] += figure.get_figheight() - sum(heights)  # the title is in the first part
         parts: Any = figure.subfigures(2, 1, height_ratios=heights) if lines else [figure]
-        chart = Chart(figure, _velocities(parts[0], found))
+        chart = Chart(figure, _velocities(parts[0], found, head))
         if lines:
             numbers = _impulses(parts[1], found)
             longest = max(map(len, numbers.values()))
@@ -57,12 +56,12 @@ def _label(found: Comparison, name: str) -> str:
     return name.partition("+")[2] if found.laws else name
 
 
-def _velocities(part: Any, found: Comparison) -> dict[str, Array]:
+def _velocities(part: Any, found: Comparison, head: str) -> dict[str, Array]:
     """A panel for each direction in which bodies move."""
     numbers: dict[str, Array] = {"body": np.array(found.bodies)}
     place, wide = np.arange(len(found.bodies)), 0.8 / len(found)
     panels: list[Axes] = list(part.subplots(len(found.directions), 1, sharex=True, squeeze=False).flat)
-    panels[0].set_title(fitted(headed(found.title, f"velocities at {found.times[-1]:g} s")), loc="left")
+    panels[0].set_title(head, loc="left")
     for k, axes in zip(found.directions, panels, strict=True):
         for i, run in enumerate(found):
             velocity = run.states["velocity"][-1][:, k]

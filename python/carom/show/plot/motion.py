@@ -11,7 +11,7 @@ import numpy as np
 from carom.arrays import F64, I64, Array
 from carom.result.selection import chosen_bodies
 from carom.scene.assembly.rotations import upward
-from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, entry, legend, named, panels, styled
+from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, entry, headed, legend, opened, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,8 +46,8 @@ def heights(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     floor = _floor(result, up)
     level = np.zeros(len(result.time)) if floor is None else result.walls[floor].position @ up
     radius = np.zeros(1) if floor is None else np.asarray(result.bodies["radius"])[columns]
-    label = "height of the centre" if floor is None else f"height above {named(floor)}"
     what = "height of the centre" if floor is None else "height"
+    title = result.title if floor is None else headed(result.title, f"height above {floor}")
 
     def height(position: F64, rows: I64) -> F64:
         return np.asarray(position @ up - level[rows, np.newaxis] - radius)[:, :, np.newaxis]
@@ -56,11 +56,11 @@ def heights(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
     # A ball that hops is seen in millimetres.
     scale, unit = (1e3, "mm") if np.nanmax(np.abs(values), initial=0.0) < 0.5 else (1.0, "m")
     with styled():
-        figure, (axes,) = panels(1, 2.8, result.title)
+        figure, (axes,) = panels(1, 2.8, title)
         time = np.asarray(result.time)[frames]
         data = _draw(axes, time, values * scale, names)
-        _opened(axes, 1e-6 * scale * float(np.max(np.asarray(result.bodies["radius"])[columns], initial=0.0)))
-        axes.set_ylabel(f"{label} ({unit})")
+        opened(axes, 1e-6 * scale * float(np.max(np.asarray(result.bodies["radius"])[columns], initial=0.0)))
+        axes.set_ylabel(f"{what} ({unit})")
         axes.set_xlabel("time (s)")
         legend(figure, axes)
     return Chart(
@@ -127,13 +127,6 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
     axes.plot(time, least, **thin, label="least and greatest (single bodies: --bodies A,B)")
     axes.plot(time, most, **thin)
     return {"5 %": low, "median": middle, "95 %": high, "least": least, "greatest": most}
-
-
-def _opened(axes: Axes, least: float) -> None:
-    """Let the vertical axis span `least` at least: what is smaller is rounding, which would look like motion."""
-    low, high = axes.get_ylim()
-    if high - low < least:
-        axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
 
 
 def _flat(values: F64) -> bool:

@@ -40,6 +40,8 @@ WIDTHS = {"single": 3.4, "double": 7.0}
 LETTERS_PER_INCH = 13.0
 #: Height of a line of a title or a label, in.
 LINE = 0.15
+#: The same of a legend.
+ENTRY = 0.18
 _width: ContextVar[str] = ContextVar("width", default="double")
 DPI = 200
 
@@ -143,16 +145,22 @@ def styled() -> Iterator[None]:
         yield
 
 
-def panels(
-    count: int, height: float, title: str, indent: float = 0.6, ratios: Sequence[float] | None = None
-) -> tuple[Figure, list[Axes]]:
-    """A figure of `count` panels above each other that share the horizontal axis; `indent`: room that the title lacks, in.
-    With `ratios` of their heights they share nothing.
+def sheet(height: float, title: str, indent: float = 0.6) -> tuple[Figure, str]:
+    """An empty figure and its title in lines: `height`, in, is that with one line, and grows with each further one.
+
+    `indent`: room that the title lacks beside the width of the figure, in.
     """
     from carom.show.plot.figure import Drawing
 
     head = fitted(title, indent)
-    figure = Drawing(figsize=(width(), height + LINE * head.count("\n")), layout="constrained")
+    return Drawing(figsize=(width(), height + LINE * head.count("\n")), layout="constrained"), head
+
+
+def panels(
+    count: int, height: float, title: str, indent: float = 0.6, ratios: Sequence[float] | None = None
+) -> tuple[Figure, list[Axes]]:
+    """A `sheet` with panels above each other that share the horizontal axis; with `ratios` of their heights nothing."""
+    figure, head = sheet(height, title, indent)
     axes = figure.subplots(count, 1, sharex=ratios is None, squeeze=False, height_ratios=ratios)[:, 0]
     if title:
         axes[0].set_title(head, loc="left")
@@ -160,7 +168,7 @@ def panels(
 
 
 def legend(figure: Figure, axes: Axes, columns: int = 8) -> None:
-    """One legend for all panels, above them."""
+    """One legend for all panels, above them; the figure grows with each further line of it."""
     handles, labels = axes.get_legend_handles_labels()
     if not labels:
         return
@@ -169,12 +177,22 @@ def legend(figure: Figure, axes: Axes, columns: int = 8) -> None:
     columns = max(1, min(columns, int(11 * width() / (longest + 6)), len(labels)))
     shown = figure.legend(handles, labels, loc="outside upper left", ncols=columns)
     unmarked(shown)
+    lines = max(sum(1 + label.count("\n") for label in part) for part in np.array_split(labels, columns))
+    whole = figure.figure  # of which it may be a part
+    whole.set_figheight(whole.get_figheight() + ENTRY * (lines - 1))
 
 
 def unmarked(legend: Legend) -> None:
     """Take the marks of `entry` away from a legend that has taken its entries."""
     for text in legend.get_texts():
         text.set_text(text.get_text().removeprefix(SEEN))
+
+
+def opened(axes: Axes, least: float) -> None:
+    """Let the vertical axis span `least` at least: what is smaller is rounding, which would look like more."""
+    low, high = axes.get_ylim()
+    if high - low < least:
+        axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
 
 
 def whole_numbers(axis: Axis, at_most: int) -> None:

@@ -15,7 +15,7 @@ from carom.scene.billiards.marked import table_of
 from carom.scene.billiards.shape import Shape
 from carom.show.plot.billiards import draw_ball, draw_ghost, draw_path, draw_table
 from carom.show.plot.motion import MOST_LINES, blocks, level_axes, selection, shown_frames
-from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, entry, fitted, legend, styled, width
+from carom.show.plot.style import COLOURS, DASHES, GREY, Chart, entry, legend, sheet, styled, width
 from carom.show.surfaces import surfaces
 
 if TYPE_CHECKING:
@@ -102,8 +102,6 @@ def _sheet(
     """
     from matplotlib.collections import LineCollection
 
-    from carom.show.plot.figure import Drawing
-
     rim = radius[:, np.newaxis]
     low = np.nanmin(place - rim, axis=(0, 1), initial=np.inf)
     high = np.nanmax(place + rim, axis=(0, 1), initial=-np.inf)
@@ -127,9 +125,9 @@ def _sheet(
     with styled():
         aspect = float(np.clip((high - low)[1] / max((high - low)[0], 1e-12), FLATTEST, TALLEST))
         height = width() * aspect + 1.15 if shape is None else 0.92 * width() * aspect + 0.75  # no legend
-        figure = Drawing(figsize=(width(), height), layout="constrained")
+        figure, head = sheet(height, result.title)
         axes = figure.subplots()
-        axes.set_title(fitted(result.title), loc="left")
+        axes.set_title(head, loc="left")
         axes.set_aspect("equal")
         for point, direction in lines:
             axes.axline(tuple(point), tuple(point + direction), color=GREY, linewidth=1.6, zorder=1)
