@@ -350,15 +350,15 @@ def test_command_prints_a_table_and_draws(scenario: str, tmp_path: Path) -> None
         # Of "a" and "c" the errors that show an order, of "b" none: it would stretch the axis over 16 decades.
         (
             {"a": [4e-3, 2e-3, 1e-3], "b": [1e-15, 0.0, 7e-20], "c": [4e-9, 1e-9, 1e-13]},
-            [3e-10, 3e-10],
+            [9e-10, 9e-10],
             [1e-9, 4e-3],
             [
                 "a: order 1.00 ± 0.00",
-                "b: no order, 3 errors below 1e-12",
                 "c: order 2.00, 1 error below 1e-12",
             ],
         ),
         ({"b": [2e-15, 0.0, 1e-15]}, [], [1e-15, 2e-15], ["b: no order, 3 errors below 1e-12"]),
+        ({"a": [1.2, 1.0, 1.1]}, [0.457, 0.457], [1.0, 1.2], ["a: order 0.06 ± 0.12"]),
     ],
 )
 def test_errors_that_are_rounding_are_counted_and_left_out_of_the_figure(
@@ -370,13 +370,23 @@ def test_errors_that_are_rounding_are_counted_and_left_out_of_the_figure(
     steps = [4e-3, 2e-3, 1e-3]
     orders = {name: clear_order(steps, row) for name, row in rows.items()}
     study = SimpleNamespace(
-        title="t", reference="r", steps=steps, errors=rows, orders=orders, rounding=ROUNDING
+        title="t",
+        where="at t = 1 s",
+        reference="r",
+        steps=steps,
+        errors=rows,
+        orders=orders,
+        rounding=ROUNDING,
     )
     chart = convergence(study)
     [axes], [legend] = chart.figure.axes, chart.figure.legends
     assert [text.get_text() for text in legend.get_texts()] == told
     dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
-    assert [line.get_ydata()[0] for line in dashed] == pytest.approx(starts)
+    assert [line.get_ydata()[0] for line in dashed] == pytest.approx(starts, rel=0.02)
+    assert axes.get_title(loc="left") == "t: error at t = 1 s against r"
+    if dashed:  # below each fit, and the fits have most of the figure
+        fits = [line for line in axes.lines if line.get_linestyle() == "-" and line.get_marker() == "None"]
+        assert max(line.get_ydata()[-1] for line in dashed) < min(line.get_ydata()[0] for line in fits)
     points = np.concatenate([line.get_ydata() for line in axes.lines if line.get_marker() != "None"])
     assert [points.min(), points.max()] == drawn
     assert [chart.data[f"error of {name} (1)"].tolist() for name in rows] == list(rows.values())

@@ -100,6 +100,13 @@ class Convergence:
         """Whether every run reached its end with every sub-problem solved."""
         return all(run.ok for run in self.runs)
 
+    @property
+    def where(self) -> str:
+        """The times of the errors, in words."""
+        if self.at:
+            return f"at t = {', '.join(f'{t:g}' for t in self.at)} s"
+        return f"over 0 to {self.until:g} s"
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values: the document of `carom converge --json`."""
         quantities = {}

@@ -132,11 +132,11 @@ def of_convergence(found: Convergence, untitled: str = "convergence") -> Sheet:
         order = found.orders[name]
         fits += ["" if order is None else _fitted(order), ""]
     rows += [["least squares", *fits]]
-    at = found.at
-    where = f"at t = {', '.join(f'{t:g}' for t in at)} s" if at else f"over 0 to {found.until:g} s"
     head = ["h (s)", *(cell for name in names for cell in (name, "order"))]
     title = titled(found.title or untitled, found.case)
-    return Sheet(f"{title}: relative error {where} against {found.reference}", head, rows, found.remarks)
+    return Sheet(
+        f"{title}: relative error {found.where} against {found.reference}", head, rows, found.remarks
+    )
 
 
 def _fitted(order: Order) -> str:
