@@ -80,6 +80,14 @@ def test_what_cannot_be_done_is_refused_by_name() -> None:
         carom.simulate(scene)
 
 
+def test_places_that_round_by_more_than_contacts_are_refused() -> None:
+    scene = shot()
+    for sphere in scene.spheres:
+        sphere.position = (sphere.position[0] + 1e5, *sphere.position[1:])
+    with pytest.raises(carom.CaromError, match="from the origin; move the scene there, or choose nsga"):
+        carom.simulate(scene)
+
+
 def test_balls_that_press_one_another_are_stepped_and_said_so(tmp_path: Path) -> None:
     scene = shot()
     at = 2.5 - R

@@ -1,12 +1,32 @@
 //! What method `events` cannot do, said before the run begins.
 
+use crate::meet::JOINS;
 use carom_core::options::Method;
 use carom_core::wall::Shape;
-use carom_core::{Model, ModelError};
+use carom_core::{InitialState, Model, ModelError};
 use glam::DVec3;
 
+/// Roundings (1) of a place that the gap of bodies that touch has to be more than. Smaller: balls go through walls there; larger: scenes are refused that
+/// run.
+const PLACES: f64 = 4.0;
+
 /// Refuses what has no closed motion between impacts whatever happens.
-pub fn check(model: &Model) -> Result<(), ModelError> {
+pub fn check(model: &Model, initial: &InitialState) -> Result<(), ModelError> {
+    let far = |(x, r): (&DVec3, &f64)| PLACES * f64::EPSILON * x.length() > JOINS * r;
+    if let Some((x, _)) = initial
+        .position
+        .iter()
+        .zip(&model.radius)
+        .find(|&of| far(of))
+    {
+        let text = format!(
+            "{} knows places to {JOINS:e} of a radius, and rounds them by more {:.2e} m from the origin; move the scene there, or choose {}",
+            Method::Events.name(),
+            x.length(),
+            Method::Nsga.name(),
+        );
+        return Err(ModelError::option("method", text));
+    }
     let shapes = || model.walls.iter().map(|w| w.shape);
     let found = [
         (!model.joints.is_empty(), "joints"),

@@ -40,7 +40,7 @@ const EXACT: [f64; 2] = [1e-13, 1e-12];
 /// # Errors
 /// What has no closed motion between impacts is refused by name.
 pub fn simulation(mut model: Model, initial: InitialState) -> Result<Simulation, ModelError> {
-    check::check(&model)?;
+    check::check(&model, &initial)?;
     let mut stepping = model.clone();
     stepping.options.method = Method::Nsga;
     let o = &mut model.options;
