@@ -34,6 +34,42 @@ def test_falls_are_foreseen() -> None:
     assert drop(height=5.0, method="penalty").validate() == []
 
 
+@pytest.mark.parametrize(
+    ("joint", "falls"),
+    [
+        ({"type": "fix", "body": "ball"}, False),
+        ({"type": "rod", "between": ("ball", "ground"), "points": ((0, 0, 5), (0, 0, 6))}, False),
+        ({"type": "rod", "between": ("ball", "held")}, False),
+        ({"type": "rod", "between": ("ball", "free")}, True),
+        (
+            {
+                "type": "motion",
+                "body": "ball",
+                "direction": (0, 0, 1),
+                "displacement": {"expression": "0.01*t^2"},
+            },
+            False,
+        ),
+        ({"type": "plane", "body": "ball", "normal": (0, 1, 0)}, True),
+        ({"type": "plane", "body": "ball", "normal": (0, 1, 1)}, False),
+        ({"type": "line", "body": "ball", "direction": (0, 0, 1)}, True),
+        ({"type": "lock", "body": "ball"}, True),
+        ("spring", False),
+    ],
+)
+def test_only_what_nothing_ties_to_the_ground_falls(joint: Any, falls: bool) -> None:
+    scene = drop(height=5.0)
+    for x, name in ((0.5, "held"), (-0.5, "free")):
+        scene.sphere(name, radius=0.05, mass=1.0, at=(x, 0, 5.1), material="m")
+    scene.joint("fix", body="held")
+    if joint == "spring":
+        scene.spring("ball", "ground", points=((0, 0, 5), (0, 0, 6)), stiffness=100.0)
+    else:
+        scene.joint(joint.pop("type"), **joint)
+    told = [advice.cause for advice in scene.validate() if 'falling, "ball"' in advice.cause]
+    assert bool(told) == falls
+
+
 @pytest.mark.parametrize(("hole", "told"), [(0.0099, True), (0.01, False), (None, False)])
 def test_holes_that_a_ball_does_not_pass_are_named(hole: float | None, told: bool) -> None:
     scene = drop(height=1.0)

@@ -39,13 +39,13 @@ def test_loads_do_not_hide_a_gain_of_energy(on_floor: bool) -> None:
 
 
 def held_ball(
-    height: float = 0.03, friction: float = 0.2, restitution: float = 0.0, **law: float
+    height: float = 0.03, friction: float = 0.2, restitution: float = 0.0, motion: Any = None, **law: float
 ) -> carom.Scene:
     """A ball of radius 0.03 m above a rough floor, for joints of all kinds."""
     scene = carom.Scene(run={"until": 1.0, "step": 1e-3})
     scene.contact("b", "w", friction=friction, restitution=restitution, **law)
     scene.contact("b", "b", friction=friction, restitution=restitution)
-    scene.plane("f", point=(0, 0, 0), normal=(0, 0, 1), material="w")
+    scene.plane("f", point=(0, 0, 0), normal=(0, 0, 1), material="w", motion=motion)
     scene.sphere("a", radius=0.03, mass=0.1, at=(0, 0, height), material="b")
     return scene
 
@@ -123,6 +123,29 @@ def test_a_ball_held_above_the_floor_is_told_of_only_if_it_comes_down() -> None:
     lifted.joint("plane", body="a", normal=(0, 0, 1))
     [told] = loads_taken(lifted)
     assert "from t = 0.5 s on" in told
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+def test_a_free_wall_presses_what_joints_hold_with_its_own_force(method: str) -> None:
+    """The friction there is known: it takes the spin of the held ball as on any floor."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"until": 0.02, "step": 1e-3})
+    scene.contact("b", "b", friction=0.2, restitution=0.0)
+    scene.sphere("a", radius=0.03, mass=0.1, at=(0, 0, 0), angular_velocity=(0, 20.0, 0), material="b")
+    scene.plane("lid", point=(0, 0, 0.03), normal=(0, 0, -1), material="b", free={"mass": 0.5, "force": 2.0})
+    scene.joint("fix", body="a")
+    assert not loads_taken(scene)
+    result = carom.simulate(scene, method=method, walls=True, every=1)
+    assert result.walls["lid"].force[-1] == pytest.approx([0.2 * 2.0, 0, 2.0], abs=1e-9)
+    slower = 0.2 * 2.0 * 0.03 / (0.4 * 0.1 * 0.03**2) * 0.02
+    assert result["a"].angular_velocity[-1][1] == pytest.approx(20.0 - slower, rel=1e-9)
+
+
+def test_a_plane_that_is_gone_when_a_joint_would_reach_it_is_not_told_of() -> None:
+    for until, told in ((0.4, 0), (0.6, 1)):
+        scene = held_ball(height=0.04, motion={"until": until})
+        law = {"expression": "-0.04*t*t"}
+        scene.joint("motion", body="a", direction=(0, 0, 1), displacement=law)
+        assert len(loads_taken(scene)) == told
 
 
 def test_which_joints_take_the_load_between_balls() -> None:

@@ -8,17 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from carom import _core
-from carom.arrays import F64, Bool
 from carom.errors import quoted
-from carom.scene.assembly.bodies import Bodies
-from carom.scene.assembly.placing import Placed
-from carom.scene.assembly.vectors import dot
 from carom.scene.checks.attachments import advise_loads
 from carom.scene.checks.bounces import advise_bounces
 from carom.scene.checks.curved_walls import advise_curved, below
 from carom.scene.checks.decay import advise_decays
 from carom.scene.checks.deformation import advise_deformation
 from carom.scene.checks.energy_gain import advise_gain
+from carom.scene.checks.falls import Limit, step_before_planes, step_of_falls
 from carom.scene.checks.flow import advise_flow
 from carom.scene.checks.joint_contacts import advise_joint_contacts
 from carom.scene.checks.joint_start import advise_start
@@ -29,7 +26,6 @@ from carom.scene.messages import Finding
 from carom.scene.plan import STEP_BYTES, Plan
 from carom.scene.tables.laws import value_at
 from carom.scene.tables.options import OPTIONS, STEPPING
-from carom.scene.tables.walls import PLANE
 
 WARN_TRAVEL = 0.05
 """Travel per step, in radii, above which hits are inaccurate (rule R6)."""
@@ -46,10 +42,6 @@ loaded within 6 degrees of its plane: the run is that of contacts that stick.
 """
 LARGE_RESULTS = 5e9
 """Bytes of frames or of the table of steps that are announced before a run."""
-PLANE_TRAVEL = 0.5
-"""Travel per step, in radii, above which a ball may be deep behind a plane before it is noticed."""
-FEW_BALLS = 200
-"""Balls up to which falls are looked at before a run."""
 
 
 def advise(parts: Whole) -> Iterator[Finding]:
@@ -101,13 +93,9 @@ def _has_substeps(parts: Whole) -> bool:
 def _step_length(parts: Whole) -> Iterator[Finding]:
     if _has_substeps(parts):  # which see every contact
         return
-    told = [*_step_of_hits(parts), *_step_before_planes(parts), *_step_of_falls(parts)]
+    told = [*_step_of_hits(parts), *step_before_planes(parts), *step_of_falls(parts)]
     if told:
         yield min(told, key=lambda one: one[0])[1]  # what is safe for it is safe for the others
-
-
-Limit = tuple[float, Finding]
-"""The longest step that is safe, s, and the advice to take it."""
 
 
 def _step_of_hits(parts: Whole) -> Iterator[Limit]:
@@ -122,72 +110,6 @@ def _step_of_hits(parts: Whole) -> Iterator[Limit]:
         cause = f"a step of {run.step:g} s moves {name} by {travel:.2g} radii: oblique hits lose accuracy"
         cause += " and grazing ones may be missed"
         yield ok, Finding(("run", "step"), cause, f"step = {ok:g} is safe, {fine:g} accurate")
-
-
-def _step_before_planes(parts: Whole) -> Iterator[Limit]:
-    """Planes are flat, so that hits lose no accuracy; but a ball must not get far behind one in a step.
-
-    What gravity adds to the speed within the first step counts too; of later speeds tells the summary of the run.
-    """
-    bodies = parts.bodies()
-    step, safe, worst, met = parts.run.step, math.inf, 0.0, ""
-    for plane in _planes(parts):
-        normal = np.array(plane.shape[1])
-        rate = np.maximum(0.0, -(bodies.velocity @ normal)) / bodies.radius
-        fall = max(0.0, -dot(parts.world.gravity, plane.shape[1])) / bodies.radius
-        travel = (rate + fall * step) * step
-        body = int(travel.argmax())
-        if travel[body] > max(PLANE_TRAVEL, worst):
-            worst, met = float(travel[body]), f"{quoted(bodies.names[body])} towards {quoted(plane.name)}"
-        with np.errstate(
-            divide="ignore"
-        ):  # the root of fall h^2 + rate h = PLANE_TRAVEL, also without gravity
-            root = 2 * PLANE_TRAVEL / (rate + np.sqrt(rate * rate + 4 * fall * PLANE_TRAVEL))
-        safe = min(safe, float(root.min()))
-    if worst:
-        cause = f"a step of {step:g} s moves {met} by {worst:.2g} radii: impacts on planes may be missed"
-        safe = below(safe)
-        yield safe, Finding(("run", "step"), cause, f"step = {safe:g} is safe")
-
-
-def _step_of_falls(parts: Whole) -> Iterator[Limit]:
-    """What gravity will make of the speeds: a ball that falls freely onto a plane within the run, others not in its way.
-
-    Only in scenes of a few balls: in heaps balls fall less far than their height, and the summary of the run tells.
-    """
-    run, bodies = parts.run, parts.bodies()
-    if len(bodies.names) > FEW_BALLS:
-        return
-    worst = None
-    for plane in _planes(parts):
-        normal, point = np.array(plane.shape[1]), np.array(plane.point)
-        pull = -dot(parts.world.gravity, plane.shape[1])
-        if pull <= 0:
-            continue
-        height = (bodies.position - point) @ normal - bodies.radius
-        towards = -(bodies.velocity @ normal)
-        speed = np.sqrt(np.maximum(0.0, towards**2 * (towards > 0) + 2 * pull * np.maximum(0.0, height)))
-        in_time = (speed - np.maximum(0.0, towards)) / pull <= parts.until
-        travel = np.where(in_time & ~_held_up(bodies, normal), speed / bodies.radius * run.step, 0.0)
-        body = int(travel.argmax())
-        if travel[body] > PLANE_TRAVEL and (worst is None or travel[body] > worst[0]):
-            worst = (float(travel[body]), float(speed[body]), bodies.names[body], plane.name)
-    if worst is not None:
-        travel_, speed_, name, met = worst
-        cause = f"falling, {quoted(name)} reaches {speed_:.3g} m/s at {quoted(met)}"
-        cause += f": a step of {run.step:g} s moves it by {travel_:.2g} radii"
-        safe = below(PLANE_TRAVEL * run.step / travel_)
-        yield safe, Finding(("run", "step"), cause, f"step = {safe:g} is safe")
-
-
-def _held_up(bodies: Bodies, normal: F64) -> Bool:
-    """Which balls have another one below them, (N,)."""
-    height = bodies.position @ normal
-    across = bodies.position - np.outer(height, normal)
-    near = (
-        np.linalg.norm(across[:, None] - across[None], axis=2) < bodies.radius[:, None] + bodies.radius[None]
-    )
-    return np.asarray((near & (height[None] < height[:, None])).any(axis=1))
 
 
 def _rounded_until(parts: Whole) -> Iterator[Finding]:
@@ -268,10 +190,6 @@ def _mass_ratio(parts: Whole) -> Iterator[Finding]:
         cause += f", more than {MASS_RATIO:g}: contacts of both are solved slowly, and energy may rise"
         cure = "check the units; else look at energy.max_rise and unconverged of the summary"
         yield Finding((section, index, "mass"), cause, cure)
-
-
-def _planes(parts: Whole) -> list[Placed]:
-    return [wall for wall in parts.walls() if wall.kind == PLANE]
 
 
 def _heavy_shell(parts: Whole) -> Iterator[Finding]:

@@ -1,12 +1,14 @@
 """Joints that take the load of a contact (rule R10): then no force presses there, and friction has nothing to act on.
 
 A contact holds the motion of two bodies along its normal. Where the joints of these bodies hold the same motion, alone or
-together, the force is theirs or is shared in a way that nothing determines.
+together, the force is theirs or is shared in a way that nothing determines. At a free wall it is what presses the wall.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -108,7 +110,7 @@ def _touches(parts: Whole, systems: Joined) -> Iterator[Touch]:
     driven = any(_moves(systems, joint) for joint in systems.rows)
     there = np.array(held)
     position, radius = bodies.position[there], bodies.radius[there]
-    for wall in parts.walls():
+    for wall in (wall for wall in parts.walls() if wall.free is None):
         gap = gaps(wall, position, radius)
         for k in np.flatnonzero(
             (gap <= TOUCHING * radius) | (wall.kind == PLANE and (driven or wall.motion is not None))
@@ -244,7 +246,8 @@ def _closes(parts: Whole, systems: Joined, touch: Touch, load: dict[int, F64]) -
     ]
     begun = sum(c * value_at(law, 0.0) for c, law in laws)
     least = TOUCHING * float(parts.bodies().radius[touch.a])
-    for time in parts.times():
+    there = (wall.motion and wall.motion.until) or math.inf
+    for time in takewhile(lambda time: time < there, parts.times()):
         if touch.gap + sum(c * value_at(law, time) for c, law in laws) - begun <= least:
             return time
     return None
