@@ -102,3 +102,29 @@ def test_a_run_with_a_python_load_that_gained_energy_is_judged_without_the_funct
     ended = {name: CliRunner().invoke(app, [name, str(tmp_path / "run")]) for name in ("check", "info")}
     assert [result.exit_code for result in ended.values()] == [0, 0]
     assert "energy rose" in ended["check"].output
+
+
+@pytest.mark.parametrize("method", ["nsga", "moreau"])
+@pytest.mark.parametrize("held", ["hangs", "truss", "sprung"])
+def test_what_rests_under_loads_alone_says_nothing(method: str, held: str) -> None:
+    """Its motion is rounding, over which every number is large."""
+    scene = carom.Scene(gravity=(0, 0, 0), run={"step": 1e-3, "until": 0.5})
+    scene.contact("b", "b", friction=0.3, restitution=0.0)
+    scene.sphere("a", material="b", radius=0.005, mass=0.1, at=(0.06, 0, 0))
+    scene.load("a", force=(0.1, 0, -100))
+    if held == "sprung":
+        scene.spring("a", "ground", points=((0.06, 0, 0), (0.06, 0, 1)), stiffness=1e3, rest_length=0.9)
+        scene.plane("floor", material="b", point=(0, 0, -0.005), normal=(0, 0, 1))
+        scene.joint("rod", between=("a", "ground"), points=((0.06, 0, 0), (0, 0, 0)))
+    else:
+        scene.joint("rod", between=("a", "ground"), points=((0.06, 0, 0), (0, 0, 0.08)))
+        scene.joint("plane", body="a", normal=(0, 1, 0))
+    if held == "hangs":
+        scene.plane("wall", material="b", point=(0.055, 0, 0), normal=(1, 0, 0))
+    elif held == "truss":
+        scene.joint("rod", between=("a", "ground"), points=((0.06, 0, 0), (1, 0, 0.08)))
+    result = carom.simulate(scene, method=method)
+    assert result["a"].position[-1] == pytest.approx(result["a"].position[0], abs=1e-9)
+    assert result.summary["energy"]["max_rise_relative"] < 1e-12
+    assert not remarks(result)
+    assert audit.check(result).ok

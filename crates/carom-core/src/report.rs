@@ -299,7 +299,8 @@ monitors! {
     energy_final: f64 = own,
     /// Largest rise of the total energy in one step beyond work and exchange, J (0: it never rose).
     energy_max_rise: f64 = own,
-    /// Largest kinetic energy plus `sum m |g| r`: the scale against which a rise is judged, J.
+    /// The scale against which a rise is judged, J: largest kinetic energy, plus `sum m |g| r` and what other loads give from
+    /// rest in a step, for where forces cancel the motion is rounding.
     energy_scale: f64 = own,
     /// Steps whose rise exceeds 1e-12 of the scale.
     energy_rises: u64 = own,
@@ -331,14 +332,14 @@ impl Monitors {
         }
     }
 
-    /// Takes a step's report into the totals. `static_scale` is `sum m |g| r`, J.
-    pub fn add(&mut self, r: &StepReport, static_scale: f64, travel: f64) {
+    /// Takes a step's report into the totals. `floor` is what the scale has beside the kinetic energy, J.
+    pub fn add(&mut self, r: &StepReport, floor: f64, travel: f64) {
         self.take(r);
         self.steps += 1;
         self.safeguarded += u64::from(r.restitution_scale < 1.0);
         let energy = r.energy_kinetic + r.energy_potential;
         let rise = energy - self.energy_final - r.energy_work - (r.energy_in - r.energy_out);
-        self.energy_scale = self.energy_scale.max(r.energy_kinetic + static_scale);
+        self.energy_scale = self.energy_scale.max(r.energy_kinetic + floor);
         self.energy_max_rise = self.energy_max_rise.max(rise);
         // The potential has its zero at the origin: far from it, its rounding is no rise.
         let rounding = 16.0 * f64::EPSILON * r.energy_potential.abs();

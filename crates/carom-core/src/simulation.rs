@@ -287,8 +287,9 @@ impl Simulation {
         let threads = self.model.options.threads as usize;
         let whole = (velocity, radius);
         let travel = team::reduce(threads, velocity.len(), whole, fastest, team::larger).sqrt();
-        self.monitors
-            .add(&report, self.static_scale, travel * self.model.options.step);
+        let h = self.model.options.step;
+        let floor = self.static_scale + 0.5 * h * h * self.scratch.smooth.pushed;
+        self.monitors.add(&report, floor, travel * h);
         self.recorder.block.steps.push(report);
         if recording.frame_every > 0 && number % recording.frame_every == 0 {
             self.recorder.add_frame(&self.model, &self.state, time);

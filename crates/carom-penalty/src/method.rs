@@ -3,7 +3,7 @@
 use crate::bodies::Bodies;
 use crate::law::Laws;
 use crate::pair::Pair;
-use carom_core::force::total::{add_loads, power};
+use carom_core::force::total::{add_loads, power, pushed};
 use carom_core::force::{LoadError, Motion};
 use carom_core::wall::places::Walls;
 use carom_core::{Model, State};
@@ -27,6 +27,8 @@ pub struct Penalty {
     /// Of the loads at their last evaluation: power of those without potential, W, and potential, J.
     pub power: f64,
     pub potential: f64,
+    /// And what they push, N^2/kg (`force::total::pushed`).
+    pub pushed: f64,
     /// Which spheres are there.
     pub present: Vec<bool>,
 }
@@ -59,6 +61,7 @@ impl Penalty {
             ahead: Default::default(),
             power: 0.0,
             potential: 0.0,
+            pushed: 0.0,
             present: Vec::new(),
         }
     }
@@ -118,6 +121,7 @@ impl Penalty {
             add_loads(model, &at, &mut self.wrench)?;
             self.power = power(model, &at)?;
             self.potential = model.loads.iter().map(|load| load.potential(&at)).sum();
+            self.pushed = pushed(model, &at, &self.wrench);
             for (i, [force, moment]) in self.wrench.iter().enumerate() {
                 b.smooth[i] = [
                     model.gravity + b.inv_mass[i] * *force,

@@ -272,6 +272,7 @@ impl Penalty {
     ) -> Result<(), Failure> {
         let (kinetic, mut potential) = self.energies(model)?;
         potential += self.potential;
+        scratch.smooth.pushed = self.pushed;
         scratch.contacts.clear();
         scratch.elastic.clear();
         for pair in &mut self.pairs {

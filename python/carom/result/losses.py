@@ -2,6 +2,9 @@
 
 on a curved wall, pressed by N    h N v^2/(2 rho) a second
 at a joint with the reaction F    h F . a/2 a second, a the centripetal acceleration that F gives
+
+Both are told over the kinetic energy and what these forces give from rest in a step: of slower motion, rounding where a
+scene is at rest, there is nothing to take.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ MOST_REACTIONS = 200_000
 
 
 class _Motion(NamedTuple):
-    """All balls in F frames, and the kinetic energy that a loss is compared with."""
+    """All balls in F frames, and the largest kinetic energy of the steps."""
 
     frames: F64
     time: F64
@@ -53,17 +56,19 @@ def on_walls(result: RunData) -> dict[str, Any] | None:
     count = len(motion.time)
     position, velocity = motion.position.reshape(-1, 3), motion.velocity.reshape(-1, 3)
     masses, radii = (np.tile(np.asarray(result.bodies[key]), count) for key in ("mass", "radius"))
-    power = np.zeros(len(masses))
+    power, given = np.zeros((2, len(masses)))
     for wall in hollow:
         on = np.flatnonzero(gaps(wall, position, radii) <= CLOSE * radii)
         way = way_on(wall, position[on], velocity[on], np.array(scene.gravity))
         bent = way.curvature * way.speed**2
-        power[on] += 0.5 * steps["step"] * masses[on] * np.maximum(0.0, way.load + bent) * bent
+        pressed = masses[on] * np.maximum(0.0, way.load + bent)
+        power[on] += 0.5 * steps["step"] * pressed * bent
+        given[on] += (steps["step"] * pressed) ** 2 / (2 * masses[on])
     lost = float(np.trapezoid(power.reshape(count, -1).sum(axis=1), motion.time))
     if scene.run.method == "events":  # what moves in closed form loses nothing
         lost *= min(1.0, result.summary["stepped"] / result.summary["time"])
     key = "pressing_step" if scene.run.method == "events" else "step"
-    return _facts(lost, motion.largest, key, steps["step"])
+    return _facts(lost, motion.largest + given.sum() / count, key, steps["step"])
 
 
 def at_joints(result: RunData) -> dict[str, Any] | None:
@@ -79,12 +84,14 @@ def at_joints(result: RunData) -> dict[str, Any] | None:
     spin, turn = (_rows(column, last) for column in (result.angular_velocity, result.orientation))
     x, v = motion.position[1:], motion.velocity[1:]
     balls = bodies(scene._tree)
-    power = np.zeros(len(last))
+    power, given, mass = np.zeros(len(last)), 0.0, np.asarray(result.bodies["mass"])
     for k, joint in enumerate(joints_for_core(scene.joints, balls, numbers(balls))):
         kind, _, arm_a, arm_b, _ = joint["rows"][0]
         if kind == "rotation":  # about axes that stay
             continue
         point, speed, bent = np.zeros((3, len(last), 3))
+        per_mass = sum(1.0 / mass[body] for body in (joint["a"], joint["b"]) if body >= 0)
+        given += 0.5 * per_mass * scene.run.step**2 * (force[:, k] ** 2).sum(axis=1).mean()
         for body, arm, sign in ((joint["a"], arm_a, 1.0), (joint["b"], arm_b, -1.0)):
             if body < 0:
                 point += sign * np.array(arm)
@@ -100,7 +107,7 @@ def at_joints(result: RunData) -> dict[str, Any] | None:
             bent += away * ((across**2).sum(axis=1) / np.linalg.norm(point, axis=1))[:, None]
         power -= 0.5 * scene.run.step * (force[:, k] * bent).sum(axis=1)
     lost = float((power * np.diff(motion.time)).sum())
-    return _facts(lost, motion.largest, "step", scene.run.step)
+    return _facts(lost, motion.largest + given, "step", scene.run.step)
 
 
 def _motion(result: RunData, most: int) -> _Motion:

@@ -1,12 +1,13 @@
 //! All loads of a model together: forces, potential energy and power at a motion.
 
-use crate::force::{Dependence, LoadError, Motion};
+use crate::force::{Dependence, Load, LoadError, Motion};
 use crate::model::Model;
 use crate::state::State;
 use crate::stepper::Span;
 use crate::wall::{FreeWall, Side};
 use carom_geom::Shape;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Adds all loads at a motion to `wrench (N)`. A law that leaves its domain, or a function of the user that gives no
 /// number, is an error: nothing that follows would see it. Loads that depend on the motion are closed forms, and are
@@ -41,6 +42,20 @@ pub fn add_loads(model: &Model, at: &Motion, wrench: &mut [[DVec3; 2]]) -> Resul
         }
     }
     Ok(())
+}
+
+/// `sum F^2/m + M^2/I` of the loads beside the weight, N^2/kg, of those that cancel too: times `h^2/2`, J, it is what they
+/// give from rest in a step.
+pub fn pushed(model: &Model, at: &Motion, wrench: &[[DVec3; 2]]) -> f64 {
+    let of_body = |(i, [f, m]): (usize, &[DVec3; 2])| {
+        model.inv_mass[i] * f.length_squared() + model.inv_inertia[i] * m.length_squared()
+    };
+    let of_parts = |load: &Arc<dyn Load>| match load.bodies()[0] {
+        Some(body) => model.inv_mass[body as usize] * load.magnitude(at).parts.powi(2),
+        None => 0.0,
+    };
+    let together: f64 = wrench.iter().enumerate().map(of_body).sum();
+    together + model.loads.iter().map(of_parts).sum::<f64>()
 }
 
 /// Weight of body `i`, N.

@@ -5,7 +5,7 @@
 //! factorable (rule R10); it is in the matrix only, so the limit is that of eq. 1. All other spheres have the matrix `s M`.
 
 use super::coupling::Trial;
-use crate::force::total::{add_loads, own_force};
+use crate::force::total::{add_loads, own_force, pushed};
 use crate::force::LoadError;
 use crate::joint::{add_reaction, Joint};
 use crate::model::{LinkKind, Model};
@@ -90,6 +90,8 @@ pub struct SmoothScratch {
     displaced: Vec<DVec3>,
     /// First row of each joint among all joint rows.
     pub first_row: Vec<u32>,
+    /// What loads push, N^2/kg (`force::total::pushed`).
+    pub pushed: f64,
     /// Smooth reactions lambda of all joint rows, N or N m.
     pub lambda: Vec<f64>,
     pub(super) gradients: Vec<Rows>,
@@ -252,6 +254,7 @@ impl SmoothScratch {
         let loaded = add_loads(model, &trial.motion(weights.time), &mut wrench);
         trial.wrench = wrench;
         loaded?;
+        self.pushed = pushed(model, &trial.motion(weights.time), &trial.wrench);
         for (i, w) in trial.wrench.iter_mut().enumerate() {
             if !present[i] {
                 // A function of the user may have given it something.
