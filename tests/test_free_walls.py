@@ -8,6 +8,7 @@ import carom
 import numpy as np
 import pytest
 from carom.errors import CaromError, ScenarioError
+from carom.result.remarks import remarks
 from carom.result.walls import FreePoses
 
 G = 9.81
@@ -411,3 +412,22 @@ def test_between_frames_a_free_wall_follows_the_cubic_through_both() -> None:
     assert np.abs(poses.displacement(between) - np.outer(cubic(between), normal)).max() < 1e-14
     ends = np.outer(cubic(np.array([0.0, 0.6])), normal)
     assert np.abs(poses.displacement(np.array([-1.0, 2.0])) - ends).max() < 1e-14
+
+
+@pytest.mark.parametrize("until", [None, 0.05])
+def test_a_free_wall_that_passes_another_is_told_of(until: float | None) -> None:
+    """Nothing is between them, so it goes as if alone: through the floor after sqrt(2 d/g) = 0.078 s."""
+    scene = carom.Scene()
+    scene.contact("steel", "steel", friction=0.0, restitution=0.0)
+    motion = {} if until is None else {"motion": {"until": until}}
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="steel", **motion)
+    scene.plane("lid", point=(0, 0, 0.03), normal=(0, 0, 1), material="steel", free={"mass": 0.2})
+    scene.sphere("held", radius=RADIUS, mass=MASS, position=(0, 0, 0.2), material="steel")
+    scene.joint("fix", body="held")
+    short, long = (carom.simulate(scene, step=1e-3, until=end, every=1) for end in (0.07, 0.1))
+    fall = 0.5 * np.linalg.norm(scene.world.gravity) * 0.1**2
+    assert long.walls["lid"].position[-1, 2] == pytest.approx(0.03 - fall, rel=1e-9)
+    assert not remarks(short, "passed")
+    told = remarks(long, "passed")
+    assert len(told) == (until is None)
+    assert all('"lid" was beyond "floor" at t = 0.079 s' in one for one in told)

@@ -128,3 +128,20 @@ def test_what_rests_under_loads_alone_says_nothing(method: str, held: str) -> No
     assert result.summary["energy"]["max_rise_relative"] < 1e-12
     assert not remarks(result)
     assert audit.check(result).ok
+
+
+@pytest.mark.parametrize(("method", "part"), [("nsga", 0.4), ("moreau", 0.625)])
+def test_a_rod_and_a_wall_share_a_load_to_second_order_in_the_step(method: str, part: float) -> None:
+    """The law that the page of limits states, for a rod of l = 0.1 m whose slope has the sides 3, 4 and 5."""
+    for load, step in ((1.0, 1e-3), (100.0, 1e-3), (100.0, 5e-4)):
+        scene = carom.Scene(gravity=(0, 0, 0), run={"step": step, "until": 0.1})
+        scene.contact("b", "b", friction=0.0, restitution=0.0)
+        scene.sphere("a", material="b", radius=0.005, mass=0.1, at=(0.06, 0, 0))
+        scene.load("a", force=(0, 0, -load))
+        scene.joint("rod", between=("a", "ground"), points=((0.06, 0, 0), (0, 0, 0.08)))
+        scene.joint("plane", body="a", normal=(0, 1, 0))
+        scene.plane("wall", material="b", point=(0.055, 0, 0), normal=(1, 0, 0))
+        result = carom.simulate(scene, method=method, walls=True, every=1)
+        short = 1.0 - result.walls["wall"].force[-1, 0] / (-0.75 * load)
+        assert short == pytest.approx(part * load / 0.1 * step**2 / 0.1, rel=0.01)
+        assert result["a"].position[-1] == pytest.approx(result["a"].position[0], abs=1e-11)

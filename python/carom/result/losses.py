@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from carom.arrays import F64
+from carom.arrays import F64, I64
 from carom.scene.assembly.arrays import bodies
 from carom.scene.assembly.distances import gaps
 from carom.scene.assembly.mechanics import joints_for_core, numbers
@@ -22,8 +22,6 @@ from carom.scene.checks.curved_walls import CLOSE, CURVED, FEW_BALLS, MOST_CHANG
 from carom.scene.tables.options import loads_once, stepping
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from carom.result.data import RunData
 
 #: Frames, evenly spread, from which a loss is estimated.
@@ -35,7 +33,7 @@ MOST_REACTIONS = 200_000
 class _Motion(NamedTuple):
     """All balls in F frames, and the largest kinetic energy of the steps."""
 
-    frames: F64
+    frames: I64
     time: F64
     position: F64
     velocity: F64
@@ -111,13 +109,18 @@ def at_joints(result: RunData) -> dict[str, Any] | None:
 
 
 def _motion(result: RunData, most: int) -> _Motion:
-    frames = np.unique(np.linspace(0, len(result.time) - 1, min(most, MOST_FRAMES)).astype(int))
+    frames = spread(len(result.time), min(most, MOST_FRAMES))
     velocity = np.nan_to_num(_rows(result.velocity, frames))  # 0 of absent balls
     largest = float(np.asarray(result.steps["energy_kinetic"]).max(initial=0.0))
     return _Motion(frames, np.asarray(result.time)[frames], _rows(result.position, frames), velocity, largest)
 
 
-def _rows(column: Any, frames: Sequence[int] | F64) -> F64:
+def spread(count: int, most: int) -> I64:
+    """At most so many of so many frames, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, most).astype(np.int64))
+
+
+def _rows(column: Any, frames: I64) -> F64:
     return np.stack([column[k] for k in frames])
 
 

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from carom.errors import Problem, counted, quoted
-from carom.result.losses import at_joints, on_walls
+from carom.result.losses import MOST_FRAMES, at_joints, on_walls, spread
+from carom.scene.assembly.vectors import dot
 from carom.scene.checks.decay import DECAYS, unbalanced
 from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.options import MOST_OVERLAP
+from carom.scene.tables.walls import PLANE
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -32,6 +34,8 @@ MOST_RISE = 1e-3
 RISE_PILE = 2e-6
 #: Overlap from which a ball may be on the other side of a wall: its centre is at the surface, less what a step adds.
 THROUGH = 0.9
+#: Product of two unit normals from which planes count as parallel.
+PARALLEL = 1.0 - 1e-9
 #: What keeps bodies apart, by method.
 APART = {
     "nsga": "shorten step",
@@ -145,6 +149,22 @@ def _shut_out(result: RunData) -> dict[str, Any] | None:
     return {"none": none} if none else None
 
 
+def _passed(result: RunData) -> dict[str, Any] | None:
+    """Walls do not meet: of parallel planes without end a free one may change to the other side of another."""
+    planes = [w for w in result.scene._walls() if w.kind == PLANE and not (w.motion and w.motion.rotation)]
+    frames = spread(len(result.time), MOST_FRAMES)
+    for free in (plane for plane in planes if plane.free is not None):
+        for other in planes:
+            if other is free or abs(dot(other.shape[1], free.shape[1])) < PARALLEL:
+                continue
+            mine, its = (result.walls[plane.name].chosen(frames) for plane in (free, other))
+            apart = (mine.position - its.position) @ np.array(free.shape[1])
+            if (beyond := its.present & (apart * apart[0] < 0.0)).any():
+                when = float(mine.time[beyond.argmax()])
+                return {"free": quoted(free.name), "other": quoted(other.name), "time": when}
+    return None
+
+
 @dataclass(frozen=True)
 class Remark:
     """`found` returns what the text names, or None where nothing is wrong; a `warning` is said after each run."""
@@ -194,6 +214,11 @@ REMARKS = {
         at_joints,
         "the step took about {percent:.2g} % of the largest kinetic energy at joints (estimate from the frames): ",
         'method = "nsga" takes none there, {key} = {step:g} less than 1 %',
+    ),
+    "passed": Remark(
+        _passed,
+        "{free} was beyond {other} at t = {time:g} s: walls do not meet one another; ",
+        "let balls or its force stop it",
     ),
     "shut_out": Remark(_shut_out, "{none}", ": no place in the region had room for one"),
 }
