@@ -59,9 +59,9 @@ def on_walls(result: RunData) -> dict[str, Any] | None:
         on = np.flatnonzero(gaps(wall, position, radii) <= CLOSE * radii)
         way = way_on(wall, position[on], velocity[on], np.array(scene.gravity))
         bent = way.curvature * way.speed**2
-        pressed = masses[on] * np.maximum(0.0, way.load + bent)
-        power[on] += 0.5 * steps["step"] * pressed * bent
-        given[on] += (steps["step"] * pressed) ** 2 / (2 * masses[on])
+        pressed = np.maximum(0.0, way.load + bent)
+        power[on] += 0.5 * steps["step"] * masses[on] * pressed * bent
+        given[on] += 0.5 * masses[on] * (steps["step"] * pressed) ** 2
     lost = float(np.trapezoid(power.reshape(count, -1).sum(axis=1), motion.time))
     if scene.run.method == "events":  # what moves in closed form loses nothing
         lost *= min(1.0, result.summary["stepped"] / result.summary["time"])
