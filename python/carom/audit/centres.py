@@ -57,8 +57,8 @@ def ways_half_way(block: Block) -> F64:
 def _way(block: Block, k: I64, b: I64) -> F64:
     """(K, 3) by how much the points move that walls turn about, m."""
     run, found = block.run, np.zeros((len(k), 3))
-    for w, wall in enumerate(run.walls):
-        rows = np.flatnonzero(b == run.bodies + w)
-        if wall.travels and rows.size:
+    for w, rows in run.on_walls(b):
+        wall = run.walls[w]
+        if wall.travels:
             found[rows] = wall.pose(block.t1[k[rows]])[1] - wall.pose(block.t0[k[rows]])[1]
     return found

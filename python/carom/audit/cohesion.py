@@ -60,6 +60,12 @@ def within(run: Run, time: F64, x: F64, beyond: F64 | None = None) -> Cohesive:
     beyond = np.zeros(len(time)) if beyond is None else beyond
     reaches = beyond + float(np.max(run.model["rupture_distance"]))
     found: list[tuple[I64, I64, I64]] = [(np.zeros(0, np.int64),) * 3]
+    frames, balls = np.nonzero(np.isfinite(x[:, : run.balls]).all(axis=2))
+    for w, wall in run.parts.meshes.items():
+        there = wall.there(time[frames])
+        of, who = frames[there], balls[there]
+        row, part = run.parts.near(w, wall.local(time[of], x[of, who]), run.radius[who] + reaches[of])
+        found.append((of[row], who[row], run.bodies + part))
     for k in range(len(time)):
         here = np.flatnonzero(np.isfinite(x[k, : run.balls]).all(axis=1))
         for w in range(len(run.free_walls)):
@@ -72,10 +78,6 @@ def within(run: Run, time: F64, x: F64, beyond: F64 | None = None) -> Cohesive:
         for w, wall in enumerate(run.walls[: run.given_walls]):
             if wall.mesh is None:
                 found.append((np.full(len(here), k), here, np.full(len(here), run.bodies + w)))
-            elif wall.there(time[k : k + 1])[0]:
-                local = wall.local(np.full(len(here), time[k]), x[k, here])
-                row, part = run.parts.near(w, local, run.radius[here] + far)
-                found.append((np.full(len(row), k), here[row], run.bodies + part))
     listed, a, b = (np.concatenate(part) for part in zip(*found, strict=True))
     ball = b < run.bodies
     apart = ~(run.held_apart.holds(a, np.minimum(b, run.bodies - 1)) & ball)

@@ -27,7 +27,7 @@ from carom.audit.report import Tally
 from carom.audit.vectors import EPS, norm
 
 PARTS = 8
-"""Parts of a mesh that a ball meets at most beside those of the frames."""
+"""Parts of a mesh that a ball meets at most where no frame shows its place."""
 
 
 def judge(run: Run, tally: Tally) -> None:
@@ -201,7 +201,15 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
         return
     fall = free_turns.places(block)
     fall = np.where(np.isfinite(fall), fall, block.x1)
-    a, b, k, ball = near.a, near.b, near.k, np.minimum(near.b, n - 1)
+    of_mesh = np.isin(run.given(near.b) - n, list(run.parts.meshes))
+    found = [(near.k[~of_mesh], near.a[~of_mesh], near.b[~of_mesh])]
+    reach = (1.0 + 2.0 * MARGIN) * run.radius
+    for w, wall in run.parts.meshes.items():  # of which balls may meet other parts than at either frame
+        k, a = np.nonzero(wall.there(block.t1)[:, None] & block.there[:, : run.balls])
+        row, part = run.parts.near(w, wall.local(block.t1[k], fall[k, a]), reach[a])
+        found.append((k[row], a[row], n + part))
+    k, a, b = (np.concatenate(each) for each in zip(*found, strict=True))
+    ball = np.minimum(b, n - 1)
     gap, _ = run.meet(block.t1[k], a, b, fall[k, a], fall[k, ball])
     length = np.minimum(run.radius[a], run.length[np.minimum(b, n)])
     noise = np.abs(fall[k, a]).max(axis=1) + run.radius[a] + run.lengths(block.t1[k])
@@ -213,10 +221,8 @@ def _candidates(block: Block, near: Near, tally: Tally) -> None:
     least, most = (np.bincount(k[lawful & of], minlength=block.count) for of in near_by)
     told = run.steps["candidates"][block.s1 - 1].astype(np.int64)
     more = run.steps["relisted"][block.s1 - 1] > 0
-    if run.parts.meshes:  # a ball may meet other parts of a mesh after the smooth motion than at either frame
-        of_mesh = np.flatnonzero(b >= run.bodies)
-        balls = np.unique(k[of_mesh] * n + a[of_mesh]) // n
-        most = most + PARTS * np.bincount(balls, minlength=block.count)
+    elsewhere = np.unique((near.k * n + near.a)[of_mesh & loaded[near.a]]) // n
+    most = most + PARTS * np.bincount(elsewhere, minlength=block.count)
     off = np.maximum(0, np.maximum(least - told, np.where(more, 0, told - most)))
     tally.measure("counts", off, 0.0, block.place, block.single & block.there.all(axis=1))
 

@@ -7,7 +7,7 @@ Nothing here computes physics. An *interval* is what lies between two neighbouri
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from functools import cached_property
 from pathlib import Path
@@ -390,6 +390,14 @@ class Run:
             return None
         return np.where((b < self.balls)[:, None], self.box.away(time, x - y), 0.0)
 
+    def on_walls(self, b: I64) -> Iterator[tuple[int, I64]]:
+        """Numbers of the walls that are among bodies (K,), and the rows of each."""
+        rows = np.flatnonzero(b >= self.bodies)
+        of = b[rows] - self.bodies
+        order = np.argsort(of, kind="stable")
+        found, first = np.unique(of[order], return_index=True)
+        yield from zip(found.tolist(), np.split(rows[order], first[1:]), strict=False)
+
     def meet(self, time: F64, a: I64, b: I64, x: F64, y: F64) -> tuple[F64, F64]:
         """Gap (K,) and normal (K, 3) from B to A at the times (K,): `x` places of A, `y` of B
         (displacements of free walls, unused at others).
@@ -399,9 +407,8 @@ class Run:
         other = self.reach[np.minimum(b, self.bodies)]
         gap = distance - self.radius[a] - other
         normal = direction(d, UP)
-        for w, wall in enumerate(self.walls):
-            rows = np.flatnonzero(b == self.bodies + w)
-            gap[rows], normal[rows] = wall.meet(time[rows], x[rows], self.radius[a[rows]])
+        for w, rows in self.on_walls(b):
+            gap[rows], normal[rows] = self.walls[w].meet(time[rows], x[rows], self.radius[a[rows]])
         for w, free in enumerate(self.free_walls):
             rows = np.flatnonzero(b == self.balls + w)
             gap[rows], normal[rows] = free.meet(x[rows], y[rows], self.radius[a[rows]])

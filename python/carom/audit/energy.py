@@ -268,9 +268,9 @@ def _attracted(block: Block) -> tuple[F64, F64]:
     ends = [cohesion.potential(run, *at) for at in ((block.t0, block.x0), (block.t1, block.x1))]
     pairs, along, impulse, _ = cohesion.pulls(block)
     driven, moved = np.zeros((2, block.count))
-    for w, wall in enumerate(run.walls):
-        mine = np.flatnonzero(pairs.b == run.bodies + w)
-        if not wall.moves or not mine.size:
+    for w, mine in run.on_walls(pairs.b):
+        wall = run.walls[w]
+        if not wall.moves:
             continue
         k, a = pairs.k[mine], pairs.a[mine]
         r = run.radius[a][:, None]
@@ -338,9 +338,9 @@ def _walls(block: Block) -> F64:
     """
     run, c = block.run, block.rows
     found = np.zeros(len(c))
-    for w, wall in enumerate(run.walls):
-        mine = np.flatnonzero(c.b == run.bodies + w)
-        if not wall.moves or not mine.size:
+    for w, mine in run.on_walls(c.b):
+        wall = run.walls[w]
+        if not wall.moves:
             continue
         k, a, b, normal = c.k[mine], c.a[mine], c.b[mine], c.normal[mine]
         laws = [at_walls(block, k, a, b, normal, start=start) for start in (True, False)]

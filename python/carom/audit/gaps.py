@@ -86,9 +86,9 @@ def complementarity(block: Block, tally: Tally) -> None:
         gap = np.where(single & pushed, _middle(block)[0], gap)
     length = np.minimum(run.radius[c.a], run.length[np.minimum(c.b, run.bodies)])
     way = 2.0 * forces.together(block, forces.speeds(block)) * block.dt[c.k]
-    for w, wall in enumerate(run.walls):
-        mine = c.b == run.bodies + w
-        if wall.travels and mine.any():
+    for w, mine in run.on_walls(c.b):
+        wall = run.walls[w]
+        if wall.travels:
             at = (c.k[mine], c.a[mine])
             way[mine] += (
                 2.0
@@ -119,8 +119,9 @@ def complementarity(block: Block, tally: Tally) -> None:
         bound = bound + run.h * (loads + 0.5 * closing(block, c.k, c.a, c.b, "candidates"))
     bound = bound + np.where(single, 0.0, way)
     taken = np.zeros(len(c), dtype=bool)
-    for w, wall in enumerate(run.walls):
-        taken |= (c.b == run.bodies + w) & wall.there(block.t0[c.k]) & ~wall.there(block.t1[c.k]) & ~single
+    for w, mine in run.on_walls(c.b):
+        first, last = (run.walls[w].there(time[c.k[mine]]) for time in (block.t0, block.t1))
+        taken[mine] = first & ~last & ~single[mine]
     tally.skip("complementarity", "the wall was taken away between the frames", "every = 1 in [record]",
                int(taken.sum()))  # fmt: skip
     there = block.stayed(c.k, c.a, c.b)

@@ -245,9 +245,9 @@ def _recorded(block: Block, tally: Tally, r: Hits) -> None:
     e = np.where(r.problem == 0, 0.0, run.restitution(index, -r.approach))
     slow = -r.approach < run.options["restitution_threshold"]
     load = float(norm(run.gravity) * run.h) + flights.speeds_of_turning(block).max(axis=1, initial=0.0)[r.k]
-    for w, wall in enumerate(run.walls):
-        mine = np.flatnonzero(r.b == run.bodies + w)
-        if wall.moves and mine.size:
+    for w, mine in run.on_walls(r.b):
+        wall = run.walls[w]
+        if wall.moves:
             load = load + float(_wall_change(block, r.of(mine), wall).max())
     # Both bodies and images go with the flow: what differs is the flow from the one to the other.
     load = load + (carried.strained(block) * 2.0 * run.radius.max())[r.k]

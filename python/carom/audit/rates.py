@@ -58,10 +58,10 @@ def rates(run: Run, p: Pairs, motion: tuple[F64, F64, F64, F64], normal: F64, le
     if p.image is not None:
         by = run.box.velocity(p.time, p.image, end=p.end)
         through, slipping = through - by, slipping - by
-    for w, surface in enumerate(run.walls):
+    for w, rows in run.on_walls(p.b):
+        surface = run.walls[w]
         if not surface.moves:
             continue
-        rows = np.flatnonzero(p.b == run.bodies + w)
         foot, time = r_a[rows, None] * p.foot[rows], p.time[rows]
         shape, material, spin = surface.velocity(time, p.centre[rows] - foot, end=p.end)
         if p.riding is not None:

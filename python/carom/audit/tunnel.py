@@ -31,11 +31,12 @@ def judge(block: Block, near: Near, tally: Tally) -> None:
     tally.skip(
         "tunnelling", "the ball went some radii between frames", "every = 1 in [record]", int(near.far.sum())
     )
-    for w, wall in enumerate(run.walls):
-        rows = (near.b == run.bodies + w) & wall.there(block.t1[near.k])
-        k, a = near.k[rows], near.a[rows]
+    for w, mine in run.on_walls(near.b):
+        wall = run.walls[w]
         if wall.part:  # goes on beyond its ends
             continue
+        rows = mine[wall.there(block.t1[near.k[mine]])]
+        k, a = near.k[rows], near.a[rows]
         if wall.sheet and len(k):
             _sheet(block, tally, w, k, a, way)
         elif wall.kind in ("sphere", "cylinder") and not wall.parameters[-1] and len(k):

@@ -106,7 +106,7 @@ def _glyphs(
     own = np.repeat(np.arange(len(begin)), end - begin)  # the frame of each contact, counted within the part
     radius = selection.result.bodies["radius"]
     count = len(radius)
-    body = column.pop("body").astype(np.int64)
+    body, of_mesh = column.pop("body").astype(np.int64), column.pop("part", None)
     a, b = body[:, 0], body[:, 1]
     gap = column["gap"][:, None]
     pair = b < count
@@ -132,7 +132,7 @@ def _glyphs(
         "normal_force": along,
         "friction_force": across,
         "status": column["status"].astype(np.int64),
-        "closed": closed(selection.result, body, column["gap"], place, index[own]).astype(np.int64),
+        "closed": closed(selection.result, body, column["gap"], place, index[own], of_mesh).astype(np.int64),
         "body_a": a,
         "body_b": b,
     }
@@ -146,7 +146,7 @@ def _rows(table: Any, begin: I64, end: I64) -> dict[str, Array]:
     wanted = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
     runs = np.split(np.arange(len(begin)), np.flatnonzero(begin[1:] - end[:-1] > GAP) + 1)
     found: dict[str, Array] = {}
-    for name in ("body", *OF_TABLE):
+    for name in ("body", *OF_TABLE, *({"part"} & set(table.columns))):
         column = table[name]
         pieces = []
         for run in runs:

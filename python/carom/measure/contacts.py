@@ -9,16 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from carom.arrays import F64, I64, Bool
+from carom.arrays import F64, I64, Array, Bool
 from carom.result.data import RunData
 from carom.scene.packing.neighbours import TOUCHING
 
 
-def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], frame: I64) -> Bool:
+def closed(
+    result: RunData,
+    body: I64,
+    recorded: F64,
+    place: tuple[F64, F64],
+    frame: I64,
+    part: Array | None = None,
+) -> Bool:
     """Whether the bodies of contacts touch at the frames (K,); pairs (K, 2) and gaps (K,), m, are those of `/contacts`.
 
     The centres of the first and of the second bodies are then at `place` (K, 3), m (of walls any). Balls that are absent,
-    whose place is not a number, touch nothing.
+    whose place is not a number, touch nothing. With the `part` (K,) of `/contacts` a mesh is touched there, else anywhere.
     """
     radius = np.append(np.asarray(result.bodies["radius"], dtype=np.float64), 0.0)
     count = len(radius) - 1
@@ -32,7 +39,8 @@ def closed(result: RunData, body: I64, recorded: F64, place: tuple[F64, F64], fr
     walls = list(result.walls.values()) if (b >= count).any() else []
     for k in np.unique(b[b >= count]):
         rows = (b == k) & np.isfinite(place[0]).all(axis=1)
-        gap[rows] = walls[k - count].gap(place[0][rows], own[rows], time[rows])
+        of_mesh = None if part is None else np.asarray(part)[rows].astype(np.int64)
+        gap[rows] = walls[k - count].gap(place[0][rows], own[rows], time[rows], of_mesh)
     least = np.where(b < count, np.minimum(own, other), own)
     return np.asarray(gap <= np.maximum(recorded, 0.0) + TOUCHING * least)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from carom.arrays import F64, Array, Bool
+from carom.arrays import F64, I64, Array, Bool
 from carom.errors import CaromError, quoted
 from carom.result.record.opening import DAMAGED
 from carom.result.record.untrusted import first_line
@@ -212,16 +212,31 @@ class Wall:
         """Whether it is there, (T,): until the time at which it is taken away."""
         return self.motion.there(np.asarray(self.time))
 
-    def gap(self, centre: F64, radius: F64, time: F64) -> F64:
+    def gap(self, centre: F64, radius: F64, time: F64, part: I64 | None = None) -> F64:
         """Distance (K,), m, of balls with centres (K, 3) and radii (K,), m, from the wall as it is at the times (K,), s:
-        infinite where it has been taken away.
+        infinite where it has been taken away. Of a mesh from the parts (K,) that contacts name, if given.
         """
+        centre = self._at_start(centre, time)
+        if self.mesh is not None and part is not None:
+            found = self.mesh.at_part(centre, part, radius) - radius
+        else:
+            at_start: Any = SimpleNamespace(shape=self._shape(), point=np.asarray(self.facts["point"]))
+            found = gaps(at_start, centre, radius)
+        return np.where(self.motion.there(time), found, np.inf)
+
+    def met(self, centre: F64, radius: F64, gap: float, time: float) -> I64:
+        """Which of K balls are within `gap`, m, of the wall at a time, s: their rows, of a mesh as often as they meet it."""
+        times = np.full(len(centre), time)
+        if self.mesh is None or not self.motion.there(np.array(time)):
+            return np.flatnonzero(self.gap(centre, radius, times) <= gap)
+        return self.mesh.minima(self._at_start(centre, times), radius + gap)[0]
+
+    def _at_start(self, centre: F64, time: F64) -> F64:
+        """Places (K, 3) at the times (K,), as seen from the wall, where it is at the start."""
+        if not self.motion.moves:
+            return centre
         point = np.asarray(self.facts["point"], dtype=np.float64)
-        if self.motion.moves:
-            away = centre - self.motion.position(point, time)
-            centre = point + rotated_back(self.motion.orientation(time), away)
-        at_start: Any = SimpleNamespace(shape=self._shape(), point=point)
-        return np.where(self.motion.there(time), gaps(at_start, centre, radius), np.inf)
+        return point + rotated_back(self.motion.orientation(time), centre - self.motion.position(point, time))
 
     def _shape(self) -> tuple[Any, ...]:
         """Name and parameters, as the core has them."""

@@ -58,7 +58,8 @@ def coordination(
     """Coordination numbers.
 
     A contact counts that is closed at the frame and pushed since the frame before; with `gap` (m) every two surfaces nearer
-    than that count instead, which needs no recorded contacts. `walls`: whether contacts with walls count. A ball with fewer
+    than that count instead, which needs no recorded contacts. A ball touches a mesh as often as their distance has a local
+    minimum: thrice in a corner. `walls`: whether contacts with walls count. A ball with fewer
     than `least` contacts is a rattler. Averages are over the balls whose centre is in the `region`, or over all.
     """
     s = snapshot(source, frame)
@@ -100,22 +101,22 @@ def _count(first: I64, second: I64, n: int) -> I64:
 
 
 def _near(s: Snapshot, gap: float) -> tuple[I64, I64]:
-    """Pairs of balls, and of balls and walls, whose surfaces are nearer than `gap`."""
+    """Pairs of balls, and of balls and walls, whose surfaces are nearer than `gap`; of meshes each place counts."""
     n, there = len(s.radius), s.present
     a, b = pairs(s.position[there], s.radius[there] + 0.5 * gap, s.box)
     first, second = [there[a]], [there[b]]
     walls = s.walls
     if walls is None:
         walls = tuple(_half_space(*plane) for plane in zip(*s.planes, strict=True)) if s.planes else ()
-    for k, distance in enumerate(walls):
-        near = there[distance(s.position[there], s.radius[there]) <= gap]
+    for k, met in enumerate(walls):
+        near = there[met(s.position[there], s.radius[there], gap)]
         first.append(near)
         second.append(np.full(len(near), n + k))
     return np.concatenate(first), np.concatenate(second)
 
 
-def _half_space(point: F64, normal: F64) -> Callable[[F64, F64], F64]:
-    return lambda centre, radius: np.asarray((centre - point) @ normal - radius)
+def _half_space(point: F64, normal: F64) -> Callable[[F64, F64, float], I64]:
+    return lambda centre, radius, gap: np.flatnonzero((centre - point) @ normal - radius <= gap)
 
 
 @dataclass(frozen=True, repr=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from carom.measure.contacts import closed
 from carom.measure.granular.region import Region, ball_volume, images
 from carom.measure.granular.shown import NotKnown
 from carom.result.data import RunData
-from carom.result.walls import Wall
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.periodic import PeriodicBox
 
@@ -64,8 +63,10 @@ class Snapshot:
     """Those between what is there: contacts of absent balls, which have no place, are left out of what is given."""
     planes: tuple[F64, F64] | None = None
     """Points (P, 3), m, and unit normals (P, 3) of half-spaces."""
-    walls: tuple[Callable[[F64, F64], F64], ...] | None = None
-    """In place of `planes` for each wall a function of centres (K, 3) and radii (K,) that returns gaps (K,), all in m."""
+    walls: tuple[Callable[[F64, F64, float], I64], ...] | None = None
+    """In place of `planes` for each wall a function of centres (K, 3), radii (K,) and a gap, all in m, that returns which
+    balls are nearer, each as often as it meets the wall.
+    """
     time: float = 0.0
     """s."""
     gravity: F64 | None = None
@@ -234,7 +235,7 @@ def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None 
         inertia=np.asarray(bodies["inertia"]),
         angular_velocity=np.asarray(source.angular_velocity[frame]),
         contacts=contacts,
-        walls=tuple(_distance(wall, float(times[frame])) for wall in source.walls.values()),
+        walls=tuple(partial(wall.met, time=float(times[frame])) for wall in source.walls.values()),
         time=float(times[frame]),
         gravity=source.gravity,
         box=source.box(frame),
@@ -242,15 +243,11 @@ def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None 
     )
 
 
-def _distance(wall: Wall, time: float) -> Callable[[F64, F64], F64]:
-    """The gap of balls to a wall where it is at a time, s."""
-    return lambda centre, radius: wall.gap(centre, radius, np.full(len(radius), time))
-
-
 def _contacts(result: RunData, frame: int, interval: float) -> Contacts:
     rows = result.contacts.at(frame)
     body = np.asarray(rows["body"]).astype(np.int64).reshape(-1, 2)
     gap, position = np.asarray(rows["gap"]), np.asarray(result.position[frame])
+    part = np.asarray(rows["part"]) if "part" in rows.columns else None
     place = position[body[:, 0]], position[np.minimum(body[:, 1], len(position) - 1)]
     return Contacts(
         first=body[:, 0],
@@ -258,5 +255,5 @@ def _contacts(result: RunData, frame: int, interval: float) -> Contacts:
         normal=np.asarray(rows["normal"]).reshape(-1, 3),
         force=np.asarray(rows["impulse"]).reshape(-1, 3) / interval,
         gap=gap,
-        closed=closed(result, body, gap, place, np.full(len(body), frame)),
+        closed=closed(result, body, gap, place, np.full(len(body), frame), part),
     )

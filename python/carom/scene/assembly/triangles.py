@@ -5,6 +5,7 @@ The core has this geometry in code of its own (`crates/carom-geom/src/mesh.rs`).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +19,10 @@ CELLS = 64
 """Cells along each axis into which triangles are sorted by place."""
 WIDE = 512
 """A triangle whose box covers more cells than this is compared with all points."""
+ONE = 1e-5
+"""Angle (rad), seen from a point, between places that are one, and from the normal of a triangle that the point is over."""
+NEARER = 1e-12
+"""Share by which a triangle has to be nearer than another one for that: rounding of distances; below the square of `ONE`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,79 @@ class Triangles:
             np.minimum.at(found, point, away)
         return np.where(found <= reach, found, np.inf)
 
+    def minima(self, x: F64, reach: F64) -> tuple[I64, I64, F64]:
+        """Where the distance from points (N, 3) has local minima of up to `reach` (N,), m: there balls touch. Numbers of the
+        points in rising order, parts as in the column `part` of results (planes before edges before corners), and places on
+        the surface (K, 3).
+        """
+        point, triangle = self.near(x, reach)
+        foot = self.closest(x[point], triangle)
+        away = np.linalg.norm(x[point] - foot, axis=1)
+        what = self._features(x[point], triangle, foot, away)
+        order = np.lexsort((triangle, what, point))
+        order = order[(away <= reach[point])[order]]
+        point, triangle, what, foot, away = (
+            point[order],
+            triangle[order],
+            what[order],
+            foot[order],
+            away[order],
+        )
+        # A place that a nearer triangle has as well is no minimum, and one that several have is one.
+        kept = np.ones(len(point), dtype=bool)
+        for i, j in _pairs_of_rows(point):
+            gap = np.linalg.norm(foot[i] - foot[j], axis=1)
+            kept[i[(j < i) & (gap < ONE * away[i])]] = False
+            asked = np.flatnonzero((away[j] < away[i] * (1.0 - NEARER)) & kept[i])
+            i, j = i[asked], j[asked]
+            low, high = self.at[triangle[j]].min(axis=1), self.at[triangle[j]].max(axis=1)
+            slack = 1e-9 * away[i]
+            inside = ((foot[i] >= low - slack[:, None]) & (foot[i] <= high + slack[:, None])).all(axis=1)
+            i, j, slack = i[inside], j[inside], slack[inside]
+            off = np.linalg.norm(self.closest(foot[i], triangle[j]) - foot[i], axis=1)
+            kept[i[off < slack]] = False
+        return point[kept], (7 * triangle + what)[kept], foot[kept]
+
+    def at_part(self, x: F64, part: I64, reach: F64) -> F64:
+        """How far points (N, 3) are from where the surface is nearest to their feet on its parts (N,), which go on beyond
+        their ends, (N,), m: from the parts where the points are over them. Infinite where no surface is within `reach` (N,),
+        m, of a foot.
+        """
+        triangle, what = np.divmod(part, 7)
+        start = np.maximum(what - 1, 0) % 3
+        corner = self.at[triangle, start]
+        along = self.at[triangle, (start + 1) % 3] - corner
+        arm, normal = x - corner, self.normal[triangle]
+        on_edge = (np.sum(arm * along, axis=1) / np.sum(along * along, axis=1))[:, None] * along
+        on_plane = arm - np.sum(arm * normal, axis=1)[:, None] * normal
+        foot = corner + np.select(
+            [what[:, None] == 0, what[:, None] < 4], [on_plane, on_edge], np.zeros_like(arm)
+        )
+        found, least = np.full(len(x), np.inf), np.full(len(x), np.inf)
+        for point, near in self._blocks(foot, reach):
+            place = self.closest(foot[point], near)
+            off = np.linalg.norm(place - foot[point], axis=1)
+            order = np.lexsort((off, point))
+            point, first = np.unique(point[order], return_index=True)
+            first = order[first]
+            better = off[first] < np.minimum(least[point], reach[point])
+            point, first = point[better], first[better]
+            least[point] = off[first]
+            found[point] = np.linalg.norm(x[point] - place[first], axis=1)
+        return found
+
+    def _features(self, x: F64, triangle: I64, foot: F64, away: F64) -> I64:
+        """What of triangles their places nearest to points are: 0 right below these, 1 to 3 on an edge, 4 to 6 a corner."""
+        at = self.at[triangle]
+        along = np.roll(at, -1, axis=1) - at
+        length = np.linalg.norm(along, axis=2)
+        arm, near = foot[:, None] - at, 1e-9 * length.max(axis=1, initial=0.0)[:, None]
+        corner = np.linalg.norm(arm, axis=2) < near
+        edge = np.linalg.norm(np.cross(along / length[:, :, None], arm), axis=2) < near
+        beside = np.linalg.norm(np.cross(x - foot, self.normal[triangle]), axis=1) >= ONE * away
+        kinds = [~beside, corner.any(axis=1), edge.any(axis=1)]
+        return np.select(kinds, [0, 4 + corner.argmax(axis=1), 1 + edge.argmax(axis=1)], 0)
+
     def nearest(self, x: F64) -> F64:
         """The points (N, 3) of the surface that are closest to points (N, 3)."""
         found = np.empty_like(x)
@@ -103,17 +181,14 @@ class Triangles:
         begin, end = np.clip(begin, -1, CELLS + 1), np.clip(end, -1, CELLS + 1)
         asked, point = _cells(begin, end)
         lo, hi = np.searchsorted(cell, asked), np.searchsorted(cell, asked, side="right")
+        some = np.flatnonzero(hi > lo)
+        point, lo, count = point[some], lo[some], (hi - lo)[some]
         pairs: list[tuple[I64, I64]] = []
-        held, full = [], 0
-        for k in np.flatnonzero(hi > lo):
-            held.append((np.full(hi[k] - lo[k], point[k]), owner[lo[k] : hi[k]]))
-            full += len(held[-1][0])
-            if full > BLOCK:
-                pairs.append(_joined(held))
-                held, full = [], 0
-        if held:
-            pairs.append(_joined(held))
-        for k in wide:
+        for rows in _shares(count):
+            of = np.repeat(point[rows], count[rows])
+            both = np.unique(of * len(low) + owner[_ranges(lo[rows], count[rows])])
+            pairs.append((both // len(low), both % len(low)))
+        for k in wide.tolist():
             near = np.flatnonzero(
                 ((x + reach[:, None] >= low[k]) & (x - reach[:, None] <= high[k])).all(axis=1)
             )
@@ -121,10 +196,25 @@ class Triangles:
         return pairs
 
 
-def _joined(held: list[tuple[I64, I64]]) -> tuple[I64, I64]:
-    """Pairs, each once."""
-    both = np.unique(np.concatenate([np.stack(pair, axis=1) for pair in held]), axis=0)
-    return both[:, 0], both[:, 1]
+def _shares(count: I64) -> list[I64]:
+    """Rows cut such that their `count` (K,) sum up to some `BLOCK` in each share."""
+    ends = np.cumsum(count)
+    cuts = np.searchsorted(ends, np.arange(BLOCK, count.sum(), BLOCK))
+    return [rows for rows in np.split(np.arange(len(count)), cuts) if len(rows)]
+
+
+def _ranges(first: I64, count: I64) -> I64:
+    """`count` numbers (K,) from `first` (K,) on, end to end."""
+    ends = np.cumsum(count)
+    return np.repeat(first - (ends - count), count) + np.arange(int(count.sum()))
+
+
+def _pairs_of_rows(point: I64) -> Iterator[tuple[I64, I64]]:
+    """All ordered pairs of rows that have the same number (K,); numbers rise. In shares."""
+    _, first, count = np.unique(point, return_index=True, return_counts=True)
+    first, count = np.repeat(first, count), np.repeat(count, count)
+    for rows in _shares(count):
+        yield np.repeat(rows, count[rows]), _ranges(first[rows], count[rows])
 
 
 def _cells(first: I64, last: I64) -> tuple[I64, I64]:

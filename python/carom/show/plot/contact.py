@@ -100,6 +100,7 @@ def strips(result: RunData) -> tuple[list[Strip], int]:
     size = np.linalg.norm(np.asarray(contacts["impulse"]), axis=1)
     felt = (status > 0) | (size > NOTHING * size.max(initial=0.0))  # open, and nothing was felt: a gap
     body, frame, status, gap = body[felt], frame[felt], status[felt], np.asarray(contacts["gap"])[felt]
+    part = np.asarray(contacts["part"])[felt] if "part" in contacts else None
     names = [*result.names, *result.wall_names]
     pairs, of_row = np.unique(body[:, 0] * len(names) + body[:, 1], return_inverse=True)
     keys = np.stack(np.divmod(pairs, len(names)), axis=1)
@@ -109,9 +110,11 @@ def strips(result: RunData) -> tuple[list[Strip], int]:
     found = []
     for k in sorted(order, key=lambda k: (first[k], k)):
         pair = names[keys[k][0]], names[keys[k][1]]
-        frames = frame[of_row == k]
+        frames, of_mesh = frame[of_row == k], None if part is None else part[of_row == k]
         # The table has the status of the last step in which the contact was closed, which may be before the frame.
-        states = np.where(_closed(result, keys[k], gap[of_row == k], frames), status[of_row == k], 0)
+        states = np.where(_closed(result, keys[k], gap[of_row == k], frames, of_mesh), status[of_row == k], 0)
+        frames, one = np.unique(frames, return_index=True)
+        states = np.maximum.reduceat(states, one)  # a ball may touch a mesh at several places
         breaks = np.flatnonzero((np.diff(frames) > 1) | (np.diff(states) != 0) | (states[1:] == 0)) + 1
         for run in np.split(np.arange(len(frames)), breaks):
             begin = time[max(0, frames[run[0]] - 1)]
@@ -119,13 +122,15 @@ def strips(result: RunData) -> tuple[list[Strip], int]:
     return found, len(keys)
 
 
-def _closed(result: RunData, pair: I64, gap: Array, frames: Array) -> Bool:
-    """Whether two bodies touch at some frames, where their contact had the recorded `gap`, m, when it was closed."""
+def _closed(result: RunData, pair: I64, gap: Array, frames: Array, part: Array | None) -> Bool:
+    """Whether two bodies touch at some frames, where their contact had the recorded `gap`, m, when it was closed, of meshes
+    with a `part`.
+    """
     first, second = (
         np.asarray(result.position[:, end])[frames]
         for end in np.minimum(pair, len(result.names) - 1).tolist()
     )
-    return closed(result, np.tile(pair, (len(frames), 1)), gap, (first, second), frames)
+    return closed(result, np.tile(pair, (len(frames), 1)), gap, (first, second), frames, part)
 
 
 def impacts(result: RunData, step: int | None = None) -> Chart:
