@@ -82,6 +82,14 @@ impl ContactLaw {
         let way = way.min(gap);
         self.work_of_rupture(gap - way) / way
     }
+
+    /// A mean attraction that acts until the pair touches, N, where nothing answers it from there on.
+    fn until_touch(&self, force: f64, gap: f64, opening: f64, inverse_mass: f64, h: f64) -> f64 {
+        let (free, per_force) = (h * opening, 0.5 * h * h * inverse_mass);
+        let work = self.work_of_rupture(0.0) - self.work_of_rupture(gap);
+        let root = (free * free + 4.0 * per_force * work).sqrt();
+        force.min(0.5 * (free + root) / per_force)
+    }
 }
 
 /// The gap of a pair; none where it touches: what solvers leave of gaps is no way.
@@ -220,12 +228,12 @@ pub(crate) fn pull(on: &mut Step, span: Span) -> Result<(), Failure> {
             true => c.gap_start,
             false => there.gap,
         };
-        let force = law.mean_attraction(
-            [gap, end],
-            opening,
-            inverse_mass(c.a) + inverse_mass(c.b),
-            h,
-        );
+        let inverse_mass = inverse_mass(c.a) + inverse_mass(c.b);
+        let mut force = law.mean_attraction([gap, end], opening, inverse_mass, h);
+        let open = there.gap > model.options.touching_tolerance * c.length;
+        if moreau && open && !model.options.position_projection {
+            force = law.until_touch(force, gap, opening, inverse_mass, h);
+        }
         if force == 0.0 {
             continue;
         }

@@ -150,14 +150,20 @@ def pulls(block: Block) -> Pulls:
     in_way = _way_in(pairs.gap - pairs.reach, pairs.gap - end, np.where(resolved, change, 0.0))
     in_way = np.where(outside, np.minimum(in_way, pairs.gap), 1.0)
     force = np.where(outside, rupture(pairs, pairs.gap - in_way) / in_way, force)
+    answered, doubt = _answered(block, pairs)
+    touched = rupture(pairs, np.zeros(len(k))) - work
+    until = 0.5 * (free + np.sqrt(free**2 + 4.0 * per_force * touched)) / per_force
+    force = np.where(answered, force, np.minimum(force, until))
     turned = np.minimum(1.0, off / run.radius[a])
     extent = np.abs(block.x0[k, a]).max(axis=1) + run.radius[a] + run.lengths(block.t0[k])
     extent = extent + h * carried.image_speed(block, k, image)
     unsure = 64.0 * EPS * extent + run.loosest["touching_tolerance"] * run.radius[a]
     unsure = unsure + np.where(outside, off, 0.0)
-    # Where nothing comes in, a rounding tells whether all of it acts.
-    edge = (run.method == "moreau") & (np.abs(pairs.gap - pairs.reach) <= unsure)
-    unsure = np.where(edge, pairs.reach, unsure)
+    # Where nothing comes in, or nothing answers it, a rounding tells whether all of it acts.
+    edge = (run.method == "moreau") & (np.abs(pairs.gap - pairs.reach) <= unsure) | doubt
+    root = (unsure + np.sqrt(pairs.force * unsure * per_force)) / per_force
+    unsure = np.where(answered, unsure, np.maximum(unsure, pairs.reach * root / pairs.force))
+    unsure = np.where(edge, pairs.reach, np.minimum(unsure, pairs.reach))
     slack = h * pairs.force * (unsure / pairs.reach + turned + 64.0 * EPS * (1.0 + extent / run.radius[a]))
     return Pulls(pairs, along, -(h * force)[:, None] * along, slack)
 
@@ -172,6 +178,22 @@ def _gone(block: Block, pairs: Cohesive) -> Bool:
         mine = of == w
         found[on_wall[mine]] = ~run.walls[w].there(time[mine])
     return found
+
+
+def _answered(block: Block, pairs: Cohesive) -> tuple[Bool, Bool]:
+    """(K,) whether a contact may answer what pulls in the step, or it acts until they touch; and where a rounding tells: of
+    Moreau-Jean only those are closed that touch in the middle of the step.
+    """
+    run = block.run
+    if run.method != "moreau" or run.projects:
+        return np.ones(len(pairs.k), dtype=bool), np.zeros(len(pairs.k), dtype=bool)
+    k, a, b = pairs.k, pairs.a, np.minimum(pairs.b, run.bodies - 1)
+    x = block.x0 + 0.5 * run.h * block.v0
+    gap, _ = run.meet(block.t0[k] + 0.5 * run.h, a, pairs.b, x[k, a], x[k, b])
+    least, most = (f(run.held_to("touching_tolerance")) for f in (min, max))
+    smaller = np.minimum(run.radius[a], run.length[np.minimum(pairs.b, run.bodies)])
+    noise = 16.0 * EPS * (np.abs(x[k, a]).max(axis=1) + run.radius[a] + run.lengths(block.t0[k]))
+    return gap <= most * smaller, (gap > least * smaller - noise) & (gap < most * smaller + noise)
 
 
 def _opening(block: Block, pairs: Cohesive) -> F64:

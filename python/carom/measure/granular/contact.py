@@ -59,7 +59,7 @@ def coordination(
 
     A contact counts that is closed at the frame and pushed since the frame before; with `gap` (m) every two surfaces nearer
     than that count instead, which needs no recorded contacts. A ball touches a mesh as often as their distance has a local
-    minimum: thrice in a corner. `walls`: whether contacts with walls count. A ball with fewer
+    minimum: three times in a corner. `walls`: whether contacts with walls count. A ball with fewer
     than `least` contacts is a rattler. Averages are over the balls whose centre is in the `region`, or over all.
     """
     s = snapshot(source, frame)
