@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from carom.result.record.walls import PARAMETERS
 from carom.show.surfaces import Surface, surfaces, wall_mesh
+from carom.show.viewer.scenery import scenery
+from meshes import box, globe, revolved
 
 LOW, HIGH = np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0])
 UP = np.array([0.0, 0.0, 9.8])
@@ -155,3 +157,41 @@ def test_lines_follow_outlines() -> None:
     assert lengths[1] == pytest.approx(
         2 * np.pi * 1.5 + 12 * 0.5, rel=1e-3
     )  # both rims, and twelve lines across
+
+
+@pytest.mark.parametrize("winding", ["outwards", "inwards", "mixed"])
+def test_triangles_of_meshes_face_the_balls(winding: str) -> None:
+    """A crate with balls in it, a lump in the crate, and an open drum that turns; files may have any winding."""
+
+    def wound(mesh: Any) -> Any:
+        points, triangles = mesh
+        turned = {"outwards": np.zeros(len(triangles)), "inwards": np.ones(len(triangles)),
+                  "mixed": np.random.default_rng(1).integers(0, 2, len(triangles))}[winding]  # fmt: skip
+        return {"vertices": points, "triangles": np.where(turned[:, None] > 0, triangles[:, ::-1], triangles)}
+
+    def fill(scene: carom.Scene) -> None:
+        turn = {"rotation": {"axis": (0, 0, 1), "rate": 3.0, "point": (0.25, 0.4, 0.5)}}
+        scene.mesh("crate", **wound(box((0, 0, 0), (1, 1, 1))), material="m")
+        scene.mesh("lump", **wound(globe(4, 7, 0.3, 2)), scale=0.1, point=(0.7, 0.4, 0.5), material="m")
+        scene.mesh("drum", **wound(revolved([(0.1, 0.45), (0.15, 0.6)], 24)), point=(0.25, 0.4, 0),
+                   material="m", motion=turn)  # fmt: skip
+
+    walls = walls_of(fill)
+    for surface, page in zip(
+        surfaces(walls, LOW, HIGH, UP), scenery(walls[0]._result, np.zeros(1, int)).walls, strict=True
+    ):
+        middle = surface.vertices.mean(axis=0) - surface.vertices[surface.faces].mean(axis=1)
+        inwards = np.sum(area_vectors(surface.vertices, surface.faces) * middle, axis=1) > 0
+        assert (inwards == (surface.wall.name != "lump")).all()
+        assert page["triangles"] == surface.faces.ravel().tolist()
+
+
+def test_a_plate_faces_the_side_on_which_the_balls_are() -> None:
+    def fill(scene: carom.Scene) -> None:
+        points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+        for name, z in (("below", 0.4), ("above", 0.6)):
+            scene.mesh(name, vertices=points, triangles=[[0, 1, 2], [0, 3, 2]], point=(0, 0, z), material="m")
+
+    for surface in surfaces(walls_of(fill), LOW, HIGH, UP):
+        up = area_vectors(surface.vertices, surface.faces)[:, 2]
+        assert (up > 0).all() if surface.wall.name == "below" else (up < 0).all()

@@ -231,6 +231,18 @@ class Wall:
             return np.flatnonzero(self.gap(centre, radius, times) <= gap)
         return self.mesh.minima(self._at_start(centre, times), radius + gap)[0]
 
+    def seen(self, most: int) -> F64:
+        """Up to `most` places (K, 3), m, of balls in the course of the run, as seen from the wall where it is at the start."""
+        time = np.asarray(self._result.time)
+        frames = np.unique(np.linspace(0, len(time) - 1, min(len(time), 8)).astype(np.int64))
+        found = [np.zeros((0, 3))]
+        for frame in frames[self.motion.there(time[frames])].tolist():
+            centre = np.asarray(self._result.position[frame])
+            centre = centre[np.isfinite(centre).all(axis=1)]
+            centre = centre[:: len(centre) * len(frames) // most + 1]
+            found.append(self._at_start(centre, np.full(len(centre), time[frame])))
+        return np.concatenate(found)
+
     def _at_start(self, centre: F64, time: F64) -> F64:
         """Places (K, 3) at the times (K,), as seen from the wall, where it is at the start."""
         if not self.motion.moves:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from carom.arrays import F64
 from carom.scene.assembly.rotations import rotated
 from carom.scene.assembly.triangles import Triangles
+from carom.show.facing import facing
 
 if TYPE_CHECKING:
     from carom.export.frames import Selection
@@ -78,8 +79,7 @@ def surfaces(
         ]
         if wall.mesh is not None:
             vertices = wall.mesh.vertices - np.asarray(wall.facts["point"])
-            faces = wall.mesh.corners.astype(np.int32)
-            found.append(Surface(wall, vertices, faces, sharp_edges(wall.mesh)))
+            found.append(Surface(wall, vertices, facing(wall).astype(np.int32), sharp_edges(wall.mesh)))
             continue
         vertices, faces = wall_mesh(wall.shape, wall.facts, low, high, cuts if wall.shape == "plane" else ())
         if len(faces):

@@ -13,6 +13,7 @@ from carom.arrays import F64, I64, Bool
 from carom.result.boxes import Boxes
 from carom.result.data import RunData
 from carom.result.record.walls import PARAMETERS, WIDTHS
+from carom.show.facing import facing
 from carom.show.surfaces import sharp_edges
 
 NUMBERS = [name for name, width in WIDTHS.items() if width == 1]
@@ -67,7 +68,7 @@ def _wall(wall: Any) -> dict[str, Any]:
         relative = np.round(wall.mesh.vertices - np.asarray(row["point"]), 9)
         return found | {
             "vertices": relative.ravel().tolist(),
-            "triangles": wall.mesh.corners.ravel().tolist(),
+            "triangles": facing(wall).ravel().tolist(),
             "edges": sharp_edges(wall.mesh).ravel().tolist(),
         }
     axis = row["normal"] if wall.shape == "plane" else row["axis"]
