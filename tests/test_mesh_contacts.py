@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from carom import Scene, audit, granular
 from carom.scene.assembly.triangles import Triangles
+from carom.show.plot.contact import strips
 from meshes import box, globe
 
 R = 0.005
@@ -72,6 +73,13 @@ def test_a_face_that_a_ball_has_left_is_open_while_it_lies_on_another(tmp_path: 
     result.export(tmp_path, "csv")
     rows = list(csv.DictReader((tmp_path / "contacts.csv").open()))
     assert {float(row["normal_z"]): int(row["closed"]) for row in rows} == {1: 1, 0: 0}
+
+
+def test_a_plot_has_one_strip_of_a_ball_in_a_corner() -> None:
+    """Of whose three contacts each frame has a row."""
+    result = run(CRATE, (LOW, LOW, LOW), gravity=(-9.8, -9.8, -9.8), every=5)
+    (strip,), pairs = strips(result)
+    assert (pairs, strip.pair) == (1, ("ball", "crate"))
 
 
 def test_parts_are_counted_where_bodies_fall(tmp_path: Path) -> None:

@@ -232,7 +232,7 @@ class Wall:
         return self.mesh.minima(self._at_start(centre, times), radius + gap)[0]
 
     def seen(self, most: int) -> F64:
-        """Up to `most` places (K, 3), m, of balls in the course of the run, as seen from the wall where it is at the start."""
+        """Up to `most` places (K, 3), m, of balls in the course of the run, seen from the wall where it is at the start."""
         time = np.asarray(self._result.time)
         frames = np.unique(np.linspace(0, len(time) - 1, min(len(time), 8)).astype(np.int64))
         found = [np.zeros((0, 3))]
