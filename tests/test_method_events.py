@@ -83,7 +83,7 @@ def test_what_cannot_be_done_is_refused_by_name() -> None:
 def test_places_that_round_by_more_than_contacts_are_refused() -> None:
     scene = shot()
     for sphere in scene.spheres:
-        sphere.position = (sphere.position[0] + 1e5, *sphere.position[1:])
+        sphere.position = (sphere.position[0], sphere.position[1] + 1e5, sphere.position[2])
     with pytest.raises(carom.CaromError, match="from the origin; move the scene there, or choose nsga"):
         carom.simulate(scene)
 

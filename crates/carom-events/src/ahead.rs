@@ -42,11 +42,6 @@ impl Ahead {
             h: 0.0,
         }
     }
-
-    /// Whether bodies hit one another in it.
-    pub fn has_hits(&self) -> bool {
-        !self.impacts.is_empty()
-    }
 }
 
 /// What the step has collected so far, out of the way of a step within it.

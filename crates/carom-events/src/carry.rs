@@ -106,9 +106,6 @@ impl Run<'_> {
 
     /// Writes the state of ball `i` at a time, and what carried it until then.
     pub fn bring(&mut self, i: usize, t: f64) {
-        if self.is_stepped(i) {
-            return;
-        }
         let (motion, r) = (&self.events.motions[i], self.model.radius[i]);
         let curve = &self.events.curves[i];
         let passage = motion.passage(r, curve, self.state.orientation[i], t);

@@ -8,16 +8,24 @@ use carom_core::outcome::{within_bounds, BlowUp, Failure, Level};
 use carom_core::transition::Kind;
 
 impl Run<'_> {
-    /// An impact: of all bodies that touch, from these two on. Whether some of them are stepped.
-    pub fn meet(&mut self, pair: ContactKey, mut t: f64) -> Result<bool, Failure> {
+    /// An impact: of all bodies that touch, from these two on. Where some are stepped the others join them: whether that is so.
+    pub fn meet(&mut self, pair: ContactKey, t: f64) -> Result<bool, Failure> {
         self.gather(pair, t);
-        let is_cut = self.events.group.iter().any(|&i| self.is_stepped(i));
-        if is_cut {
-            let Some(meet) = self.cut_at(pair, t)? else {
-                return Ok(true);
+        let (group, touching) = (&self.events.group, &self.events.touching);
+        if group.iter().any(|&i| self.is_stepped(i)) {
+            let other = |i: usize| {
+                let pairs = [pair].into_iter().chain(touching.iter().copied());
+                pairs
+                    .filter_map(|(a, b)| match i as u32 {
+                        i if i == a => Some(b),
+                        i if i == b => Some(a),
+                        _ => None,
+                    })
+                    .next()
             };
-            t = meet;
-            self.gather(pair, t);
+            let free = group.iter().filter(|&&i| !self.is_stepped(i));
+            let joins: Vec<_> = free.filter_map(|&i| Some((i, other(i)?))).collect();
+            return self.join(&joins, t).map(|()| true);
         }
         let group = std::mem::take(&mut self.events.group);
         for &i in &group {
@@ -60,7 +68,7 @@ impl Run<'_> {
             self.tell(t, hit.map(|_| Kind::Impact), i, hit);
         }
         self.events.group = group;
-        Ok(is_cut)
+        Ok(false)
     }
 
     /// What hit ball `i` hardest in the impacts from row `first` on; the surface that carries it only where nothing else did.

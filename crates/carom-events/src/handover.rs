@@ -1,15 +1,13 @@
 //! Bodies that press one another have no closed form: the default scheme makes steps of them, and of them alone, until they do not.
 //!
 //! A step is made ahead, and how these balls move in it is taken for a parabola: what others do in the meantime is foreseen against that, and happens at its
-//! exact time. Where one of them meets a ball that is stepped, the step is made anew up to then, and the impact is one like all others.
+//! exact time. One that meets a ball that is stepped is stepped from then on too, as loads and impacts of what presses belong together.
 
 use crate::ahead::{Ahead, Kept};
 use crate::foresee::FLIGHT;
-use crate::meet::JOINS;
 use crate::motion::Motion;
-use crate::queue::Event;
 use crate::step::Run;
-use carom_core::contact::{Contact, ContactKey};
+use carom_core::contact::Contact;
 use carom_core::flow::exchange::is_out;
 use carom_core::outcome::Failure;
 use carom_core::step::step;
@@ -27,12 +25,6 @@ use std::mem::take;
 /// costs a prediction; smaller: what rests beside one another seems to press.
 const LOADED: f64 = 1e-6;
 
-/// Overlap at which a stepped ball is met by another, over the gap at which they would touch (1). Larger: they overlap so much after; smaller: more steps are
-/// tried.
-const DEEPEST: f64 = 0.1;
-/// Steps (1) that are tried for that at most: about two are.
-const MOST_TRIES: u32 = 30;
-
 impl Run<'_> {
     pub fn is_stepped(&self, i: usize) -> bool {
         self.state.told[i] == Mode::Stepped
@@ -45,23 +37,25 @@ impl Run<'_> {
             .collect()
     }
 
-    /// Bodies press one another at the time of an event: from then on they are stepped.
-    pub fn join(&mut self, event: &Event) -> Result<(), Failure> {
-        let (n, t) = (self.model.bodies(), event.time);
+    /// Balls that press something, or meet what is stepped, are stepped from now on. With each, what it touches.
+    pub fn join(&mut self, balls: &[(usize, u32)], t: f64) -> Result<(), Failure> {
         // What presses at the start of a later step did so at the end of the one before, and goes on.
         let is_new = t > FLIGHT || self.state.step == 0;
         if self.stepped().is_empty() {
             self.stepped_to = t;
             self.report.handovers += u32::from(is_new);
         }
-        self.cut(t)?;
-        let (a, b) = event.bodies;
-        for (i, other) in [(a as usize, b), (b as usize, a)] {
-            if i >= n || self.is_stepped(i) {
-                continue;
-            }
-            // Within the time of a flight that is none, others may be ahead.
-            self.bring(i, self.stepped_to.max(self.events.motions[i].start));
+        let begun = |&(i, _): &(usize, u32)| self.events.motions[i].start;
+        let begun = balls.iter().map(begun).fold(self.stepped_to, f64::max);
+        let t = match self.ahead.take() {
+            Some(ahead) => self.cut(ahead, t, begun)?,
+            None => begun,
+        };
+        for i in self.stepped() {
+            self.stand(i, t);
+        }
+        for &(i, other) in balls {
+            self.bring(i, t);
             if self.events.is_first && !is_new {
                 self.state.told[i] = Mode::Stepped;
             } else {
@@ -72,23 +66,25 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Stepped balls come to a time within their step: to a share of it, or by one that ends then where bodies hit one another in it.
-    pub fn cut(&mut self, t: f64) -> Result<(), Failure> {
-        let Some(mut ahead) = self.ahead.take() else {
-            return Ok(());
+    /// What of a step is done at a time within it. A step in which bodies hit one another has no such share: it is made anew with those that were met, from
+    /// when these have `begun` to move as they do. Returns the time.
+    fn cut(&mut self, mut ahead: Ahead, t: f64, begun: f64) -> Result<f64, Failure> {
+        let is_whole = t == ahead.until;
+        let t = if is_whole || ahead.impacts.is_empty() {
+            t
+        } else {
+            begun
         };
-        if t > self.stepped_to {
-            if t < ahead.until && ahead.has_hits() {
-                ahead = self.make(self.stepped_to, t)?;
-            } else if t < ahead.until {
-                self.take_share(&mut ahead, t);
-            }
-            self.commit(ahead);
+        if t == self.stepped_to {
+            return Ok(t);
         }
-        for i in self.stepped() {
-            self.stand(i, t);
+        if !is_whole && ahead.impacts.is_empty() {
+            self.take_share(&mut ahead, t);
+        } else if !is_whole {
+            ahead = self.make(self.stepped_to, t)?;
         }
-        Ok(())
+        self.commit(ahead);
+        Ok(t)
     }
 
     /// What of a step is done at a time, of places that are known then.
@@ -107,55 +103,6 @@ impl Run<'_> {
             made.velocity[i] = lerp(&before.velocity, &made.velocity);
             made.angular_velocity[i] = lerp(&before.angular_velocity, &made.angular_velocity);
         }
-    }
-
-    /// Stepped balls come to the time at which one of a pair is met, foreseen for `t`. A step in which bodies hit one another is none that can be shared: one that
-    /// ends sooner ends elsewhere. None where they do not meet by then.
-    pub fn cut_at(&mut self, (a, b): ContactKey, t: f64) -> Result<Option<f64>, Failure> {
-        let (i, j) = (a as usize, b as usize);
-        let is_apart = j >= self.model.bodies() || self.is_stepped(i) == self.is_stepped(j);
-        if is_apart || !self.ahead.as_ref().is_some_and(Ahead::has_hits) {
-            return self.cut(t).map(|()| Some(t));
-        }
-        let stepped = if self.is_stepped(i) { i } else { j };
-        let free = i + j - stepped;
-        let [r, s] = [stepped, free].map(|k| self.model.radius[k]);
-        let least = JOINS * r.min(s);
-        let begins = self.events.motions[free].start.max(self.stepped_to);
-        let way = |run: &Run, x: &[DVec3], t: f64| {
-            let (motion, curve) = (&run.events.motions[free], &run.events.curves[free]);
-            motion.exact_place(s, curve, t) - x[stepped]
-        };
-        // What has touched already may overlap by what steps leave.
-        let at_start = way(self, &self.state.position, begins).length() - r - s;
-        let deepest = at_start.min(0.0) - DEEPEST * least;
-        let (mut low, mut high, mut next) = (begins, t, t);
-        for _ in 0..MOST_TRIES {
-            if next <= begins {
-                break;
-            }
-            let made = self.make(self.stepped_to, next)?;
-            let motion = &self.events.motions[free];
-            let place = motion.exact_place(s, &self.events.curves[free], next);
-            let way = place - made.state.position[stepped];
-            let rate = way
-                .normalize()
-                .dot(motion.velocity(next) - made.state.velocity[stepped]);
-            self.ahead = Some(made);
-            let gap = way.length() - r - s;
-            if gap > deepest && (gap < least || next == t) {
-                return self.cut(next).map(|()| (gap < least).then_some(next));
-            }
-            if gap > 0.0 {
-                low = next;
-            } else {
-                high = next;
-            }
-            let newton = next - gap / rate;
-            let inside = newton > low && newton < high;
-            next = if inside { newton } else { 0.5 * (low + high) };
-        }
-        self.cut(high).map(|()| Some(high))
     }
 
     /// A stepped ball is where it is: how it goes on the next step says.
@@ -207,11 +154,14 @@ impl Run<'_> {
 
     /// The step that was made is one of the run. What presses nothing any more is free, but at the very end: that is for the next step to say.
     pub fn go_to(&mut self, t: f64) -> Result<(), Failure> {
-        let Some(ahead) = &mut self.ahead else {
+        let Some(mut ahead) = self.ahead.take() else {
             return Ok(());
         };
         let (contacts, h) = (take(&mut ahead.contacts), ahead.h);
-        self.cut(t)?;
+        self.commit(ahead);
+        for i in self.stepped() {
+            self.stand(i, t);
+        }
         if t == self.span.h {
             return Ok(());
         }

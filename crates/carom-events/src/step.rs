@@ -220,10 +220,17 @@ impl Run<'_> {
         }
     }
 
-    /// Which others some stepped balls will meet.
-    pub fn foresee_stepped(&mut self, balls: &[usize], now: f64) {
+    /// Which others stepped balls will meet: of those that have set off `late`, from then on.
+    pub fn foresee_stepped(&mut self, stepped: &[usize], now: f64) {
+        let begins = |i: usize| self.events.motions[i].start;
+        let late: Vec<_> = self
+            .free()
+            .into_iter()
+            .filter(|&i| begins(i) > now)
+            .collect();
+        let times: Vec<_> = late.iter().map(|&i| begins(i)).collect();
         let Events { motions, queue, .. } = &mut *self.events;
-        let foresight = Foresight {
+        let mut foresight = Foresight {
             model: self.model,
             state: self.state,
             motions,
@@ -231,8 +238,13 @@ impl Run<'_> {
             end: self.span.h,
             fastest: self.fastest,
         };
-        for &i in balls {
-            foresight.others(i, |j| balls.binary_search(&j).is_err(), queue);
+        let is_of = |some: &[usize], i: usize| some.binary_search(&i).is_ok();
+        for &i in stepped {
+            foresight.others(i, |j| !is_of(stepped, j) && !is_of(&late, j), queue);
+        }
+        for (&j, now) in late.iter().zip(times) {
+            foresight.now = now;
+            foresight.others(j, |i| is_of(stepped, i), queue);
         }
     }
 
@@ -242,7 +254,13 @@ impl Run<'_> {
         let i = a as usize;
         match event.what {
             What::Meet => return self.meet((a, b), t),
-            What::Press => return self.join(event).map(|()| true),
+            What::Press => {
+                let both = [(i, b), (b as usize, a)].into_iter();
+                let is_free =
+                    |&(i, _): &(usize, u32)| i < self.model.bodies() && !self.is_stepped(i);
+                let balls: Vec<_> = both.filter(is_free).collect();
+                return self.join(&balls, t).map(|()| true);
+            }
             What::Closer => {
                 self.look_closer(event);
                 return Ok(false);
@@ -306,16 +324,11 @@ impl Run<'_> {
 
     /// Balls in a new state set off, and what will happen to them is foreseen anew.
     pub fn go_on(&mut self, balls: &[usize], t: f64) {
-        let (stepped, free): (Vec<usize>, Vec<_>) =
-            balls.iter().partition(|&&i| self.is_stepped(i));
-        for i in stepped {
-            self.stand(i, t);
-        }
-        for &i in &free {
+        for &i in balls {
             self.events.queue.forget(i);
             let on = self.support(i);
             self.set_off(i, t, on, false);
         }
-        self.foresee(&free, t);
+        self.foresee(balls, t);
     }
 }

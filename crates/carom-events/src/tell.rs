@@ -28,8 +28,7 @@ impl Run<'_> {
         }
     }
 
-    /// What has set ball `i` off as it moves now: a row, if that is an event or its mode is another one. A ball that is stepped is so until it presses
-    /// nothing: forms that end there are rounding.
+    /// What has set ball `i` off as it moves now: a row, if that is an event or its mode is another one.
     pub fn tell(&mut self, t: f64, kind: Option<Kind>, i: usize, other: Option<u32>) {
         let (motion, before) = (&self.events.motions[i], self.state.told[i]);
         let (after, other) = (motion.mode, other.or(motion.support.map(|s| s.wall)));
@@ -44,7 +43,7 @@ impl Run<'_> {
             return;
         }
         let kind = kind.or_else(|| Kind::of(before, after));
-        if let Some(kind) = kind.filter(|&kind| before != Mode::Stepped || kind == Kind::Impact) {
+        if let Some(kind) = kind {
             self.note(t, kind, i, other, after);
         }
     }

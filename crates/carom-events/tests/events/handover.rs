@@ -3,6 +3,7 @@
 use crate::common::{balls, on_floor, G, R};
 use crate::{advance, begin, options, run};
 use carom_core::options::Method;
+use carom_core::record::TimedImpact;
 use carom_core::transition::{Kind, Mode, Transition};
 use carom_core::wall::{Disc, Rectangle, Shape};
 use carom_core::{ModelInput, Options, Simulation};
@@ -143,7 +144,7 @@ fn rows_of_what_presses_do_not_depend_on_reports() {
     }
 }
 
-/// A ball hits one that presses another: at a time of its own, at which they touch, and the finer the steps the better it is known.
+/// A ball hits one that presses another: from the time at which they touch it is stepped too, and the finer the steps the better all is known.
 #[test]
 fn what_presses_is_hit_when_it_is_met() {
     let mut input = at_a_cushion();
@@ -156,17 +157,16 @@ fn what_presses_is_hit_when_it_is_met() {
             "{:e}",
             s.monitors.penetration_relative
         );
-        let rows = rows(&mut s);
-        let hit = rows
-            .iter()
-            .find(|row| row.kind == Kind::Impact && row.body == 2);
-        let hit = hit.expect("it hits");
-        let other = rows
-            .iter()
-            .find(|row| row.body == 1 && row.time == hit.time);
-        assert_eq!(other.map(|row| row.modes[0]), Some(Mode::Stepped));
-        assert_eq!(hit.other, Some(1));
-        (hit.time, s.state.position[2])
+        let place = s.state.position[2];
+        let block = s.take_block();
+        let mut rows = block.transitions.iter();
+        let met = rows.find(|row| row.kind == Kind::Press && row.body == 2);
+        let met = met.expect("it meets one that presses");
+        assert_eq!(met.other, Some(1));
+        let hit = |row: &&TimedImpact| (row.impact.a, row.impact.b) == (1, 2);
+        let late = block.impacts.iter().find(hit).expect("it hits").time - met.time;
+        assert!(late > 0.0 && late <= h, "{late:e} {h:e}");
+        (met.time, place)
     });
     let [coarse, fine, exact] = found;
     let apart = |a: &(f64, DVec3)| ((a.0 - exact.0).abs(), (a.1 - exact.1).length());
@@ -175,6 +175,27 @@ fn what_presses_is_hit_when_it_is_met() {
         fine.0 < 0.3 * coarse.0 + 1e-9 && fine.1 < 0.3 * coarse.1 + 1e-8,
         "{coarse:?} {fine:?}"
     );
+}
+
+/// A ball falls on one that lies on a bed, level or hardly not: stepped or exact, the bed answers in the same impact.
+#[test]
+fn what_presses_answers_with_what_holds_it() {
+    for e in [0.0, 0.5, 0.9] {
+        let [level, tilted] = [0.0f64, 1e-6].map(|tilt| {
+            let (sin, cos) = tilt.sin_cos();
+            let n = [sin, 0.0, cos];
+            let on = DVec3::from(n) * R;
+            let over = on + DVec3::new(0.6 * R, 0.1 * R, 3.0 * R);
+            let mut input = balls(&[on.to_array(), over.to_array()], &[([0.0; 3], n)]);
+            input.gravity = [0.0, 0.0, -G];
+            input.laws = vec![
+                (0, 0, [0.06, 0.9, 0.0, 0.0, 0.0]),
+                (0, 1, [0.2, e, 0.0, 0.0, 0.0]),
+            ];
+            stepped(&input, 0.12, 1e-5).state.velocity[1]
+        });
+        assert!((level - tilted).length() < 1e-3, "{e}: {level} {tilted}");
+    }
 }
 
 /// On a slope nothing has a closed form here: the whole run is steps, and the ball rolls down as it should.
