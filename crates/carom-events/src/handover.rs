@@ -5,11 +5,12 @@
 
 use crate::ahead::{Ahead, Kept};
 use crate::foresee::FLIGHT;
-use crate::motion::Motion;
+use crate::motion::{Motion, Support};
 use crate::step::Run;
 use carom_core::contact::Contact;
 use carom_core::flow::exchange::is_out;
 use carom_core::outcome::Failure;
+use carom_core::rotation;
 use carom_core::step::step;
 use carom_core::stepper::method::Step;
 use carom_core::stepper::{Coefficients, Span};
@@ -39,8 +40,8 @@ impl Run<'_> {
 
     /// Balls that press something, or meet what is stepped, are stepped from now on. With each, what it touches.
     pub fn join(&mut self, balls: &[(usize, u32)], t: f64) -> Result<(), Failure> {
-        // What presses at the start of a later step did so at the end of the one before, and goes on.
-        let is_new = t > FLIGHT || self.state.step == 0;
+        // After the state was changed it is not known what has pressed before: that goes on.
+        let is_new = !self.events.is_first || t > FLIGHT || self.state.step == 0;
         if self.stepped().is_empty() {
             self.stepped_to = t;
             self.report.handovers += u32::from(is_new);
@@ -56,10 +57,10 @@ impl Run<'_> {
         }
         for &(i, other) in balls {
             self.bring(i, t);
-            if self.events.is_first && !is_new {
-                self.state.told[i] = Mode::Stepped;
-            } else {
+            if is_new {
                 self.note(t, Kind::Press, i, Some(other), Mode::Stepped);
+            } else {
+                self.state.told[i] = Mode::Stepped;
             }
             self.stand(i, t);
         }
@@ -99,9 +100,11 @@ impl Run<'_> {
         for i in self.stepped() {
             let lerp = |from: &[DVec3], to: &[DVec3]| from[i].lerp(to[i], share);
             made.position[i] = self.events.motions[i].place(t);
-            made.orientation[i] = before.orientation[i].slerp(made.orientation[i], share);
             made.velocity[i] = lerp(&before.velocity, &made.velocity);
             made.angular_velocity[i] = lerp(&before.angular_velocity, &made.angular_velocity);
+            let mean = 0.5 * (before.angular_velocity[i] + made.angular_velocity[i]);
+            let turn = (t - self.stepped_to) * mean;
+            made.orientation[i] = rotation::advance(turn, before.orientation[i]);
         }
     }
 
@@ -152,7 +155,7 @@ impl Run<'_> {
         Ok(until)
     }
 
-    /// The step that was made is one of the run. What presses nothing any more is free, but at the very end: that is for the next step to say.
+    /// The step that was made is one of the run. What presses nothing any more is free.
     pub fn go_to(&mut self, t: f64) -> Result<(), Failure> {
         let Some(mut ahead) = self.ahead.take() else {
             return Ok(());
@@ -162,11 +165,9 @@ impl Run<'_> {
         for i in self.stepped() {
             self.stand(i, t);
         }
-        if t == self.span.h {
-            return Ok(());
-        }
+        let loaded = self.loaded(&contacts, h);
         for group in self.touching(&contacts) {
-            if self.is_loaded(&group, &contacts, h) {
+            if group.iter().any(|&i| loaded[i]) {
                 continue;
             }
             let kept = (self.events.sums.clone(), self.scratch.wall_impulse.clone());
@@ -307,12 +308,12 @@ impl Run<'_> {
         groups.into_values().collect()
     }
 
-    /// Whether some contact carried a load in the last step that is no level surface under its ball. What lies on such needs none, whatever rolling
+    /// Balls with a contact that carried a load in the last step and is no level surface under a ball. What lies on such needs none, whatever rolling
     /// resistance may hold between two of them.
-    fn is_loaded(&mut self, group: &[usize], contacts: &[Contact], h: f64) -> bool {
+    fn loaded(&mut self, contacts: &[Contact], h: f64) -> Vec<bool> {
         let (n, g) = (self.model.bodies(), self.model.gravity.length());
-        let mut on = vec![None; n];
-        for &i in group {
+        let (mut on, mut loaded) = (vec![None; n], vec![false; n]);
+        for i in self.stepped() {
             on[i] = self.support(i);
         }
         let lies = |body: u32| {
@@ -324,13 +325,16 @@ impl Run<'_> {
                 still && on[i].is_some()
             }
         };
-        let presses = |c: &Contact| {
+        for c in contacts {
             let i = c.a as usize;
-            c.lambda[0] > LOADED * self.model.mass[i] * g * h
-                && on[i].is_none_or(|(s, _)| (c.b as usize) < n || c.n1 != s.normal)
-                && !(lies(c.a) && lies(c.b))
-        };
-        let own = |c: &&Contact| group.binary_search(&(c.a as usize)).is_ok();
-        contacts.iter().filter(own).any(presses)
+            let is_carried = |s: &Support| (c.b as usize) >= n && c.n1 == s.normal;
+            let presses = c.lambda[0] > LOADED * self.model.mass[i] * g * h
+                && !on[i].is_some_and(|(s, _)| is_carried(&s));
+            if presses && !(lies(c.a) && lies(c.b)) {
+                let both = [i, c.b as usize].into_iter();
+                both.filter(|&i| i < n).for_each(|i| loaded[i] = true);
+            }
+        }
+        loaded
     }
 }

@@ -220,16 +220,13 @@ impl Run<'_> {
         }
     }
 
-    /// Which others stepped balls will meet: of those that have set off `late`, from then on.
+    /// Which others stepped balls will meet: of those that have set off later, from then on.
     pub fn foresee_stepped(&mut self, stepped: &[usize], now: f64) {
-        let begins = |i: usize| self.events.motions[i].start;
-        let late: Vec<_> = self
-            .free()
-            .into_iter()
-            .filter(|&i| begins(i) > now)
-            .collect();
-        let times: Vec<_> = late.iter().map(|&i| begins(i)).collect();
+        let free = self.free();
         let Events { motions, queue, .. } = &mut *self.events;
+        let mut asked = vec![false; motions.len()];
+        let (late, early): (Vec<usize>, Vec<_>) =
+            free.iter().partition(|&&i| motions[i].start > now);
         let mut foresight = Foresight {
             model: self.model,
             state: self.state,
@@ -238,14 +235,30 @@ impl Run<'_> {
             end: self.span.h,
             fastest: self.fastest,
         };
-        let is_of = |some: &[usize], i: usize| some.binary_search(&i).is_ok();
-        for &i in stepped {
-            foresight.others(i, |j| !is_of(stepped, j) && !is_of(&late, j), queue);
+        early.iter().for_each(|&i| asked[i] = true);
+        if !early.is_empty() {
+            stepped
+                .iter()
+                .for_each(|&i| foresight.others(i, |j| asked[j], queue));
         }
-        for (&j, now) in late.iter().zip(times) {
-            foresight.now = now;
-            foresight.others(j, |i| is_of(stepped, i), queue);
+        for j in late {
+            foresight.now = foresight.motions[j].start;
+            foresight.others(j, |i| stepped.binary_search(&i).is_ok(), queue);
         }
+    }
+
+    /// All that presses now is stepped.
+    fn press(&mut self, event: &Event) -> Result<(), Failure> {
+        let mut pairs: Vec<_> = self.events.queue.pressing().chain([event.bodies]).collect();
+        pairs.sort_unstable();
+        let both = pairs
+            .iter()
+            .flat_map(|&(a, b)| [(a as usize, b), (b as usize, a)]);
+        let is_free = |&(i, _): &(usize, u32)| i < self.model.bodies() && !self.is_stepped(i);
+        let mut balls: Vec<_> = both.filter(is_free).collect();
+        balls.sort_by_key(|&(i, _)| i);
+        balls.dedup_by_key(|&mut (i, _)| i);
+        self.join(&balls, event.time)
     }
 
     /// Whether something that is stepped has to set off anew.
@@ -254,13 +267,7 @@ impl Run<'_> {
         let i = a as usize;
         match event.what {
             What::Meet => return self.meet((a, b), t),
-            What::Press => {
-                let both = [(i, b), (b as usize, a)].into_iter();
-                let is_free =
-                    |&(i, _): &(usize, u32)| i < self.model.bodies() && !self.is_stepped(i);
-                let balls: Vec<_> = both.filter(is_free).collect();
-                return self.join(&balls, t).map(|()| true);
-            }
+            What::Press => return self.press(event).map(|()| true),
             What::Closer => {
                 self.look_closer(event);
                 return Ok(false);

@@ -219,7 +219,7 @@ def _energies(run: Run, told: Mapping[str, Any]) -> Iterator[tuple[str, Any, flo
     # What loads give in a step, which the scale has besides, is on no record where they hang on the motion.
     loaded = bool(run.model.get("loads"))
     if loaded and isinstance(energy, Mapping) and isinstance(energy.get("max_rise_relative"), int | float):
-        relative = min(relative, energy["max_rise_relative"])
+        relative = min(relative, max(0.0, energy["max_rise_relative"]))
     yield "energy.max_rise_relative", relative, rounding + 1e-12
     # A rise that is at the bound may count or not: scales are sums of another order.
     bound, slack = 1e-12 * scale + 16.0 * EPS * np.abs(s["energy_potential"]), 8.0 * EPS * np.abs(total)

@@ -83,9 +83,12 @@ def _since(result: RunData) -> F64:
             both = ((body >= 0) & (body < count)).all(axis=1)
             pairs.append(np.column_stack([np.asarray(table["time"])[both], body[both]]))
     hits = np.concatenate(pairs)
-    # Twice: of one time a later row may tell of what an earlier one is hit by.
-    for time, *two in 2 * hits[np.argsort(hits[:, 0], kind="stable")].tolist():
-        a, b = (int(ball) for ball in two)
-        if min(since[a], since[b]) <= time:
-            since[a], since[b] = min(since[a], time), min(since[b], time)
+    hits, before = hits[np.argsort(hits[:, 0], kind="stable")], None
+    # Until nothing changes: of one time a later row may tell of what an earlier one is hit by.
+    while before is None or not np.array_equal(before, since):
+        before = since.copy()
+        for time, *two in hits.tolist():
+            a, b = (int(ball) for ball in two)
+            if min(since[a], since[b]) <= time:
+                since[a], since[b] = min(since[a], time), min(since[b], time)
     return since

@@ -50,9 +50,11 @@ pub fn pushed(model: &Model, at: &Motion, wrench: &[[DVec3; 2]]) -> f64 {
     let of_body = |(i, [f, m]): (usize, &[DVec3; 2])| {
         model.inv_mass[i] * f.length_squared() + model.inv_inertia[i] * m.length_squared()
     };
-    let of_parts = |load: &Arc<dyn Load>| match load.bodies()[0] {
-        Some(body) => model.inv_mass[body as usize] * load.magnitude(at).parts.powi(2),
-        None => 0.0,
+    let of_parts = |load: &Arc<dyn Load>| {
+        let parts = load.magnitude(at).parts;
+        let ends = load.bodies().into_iter().flatten();
+        ends.map(|body| model.inv_mass[body as usize] * parts * parts)
+            .sum::<f64>()
     };
     let together: f64 = wrench.iter().enumerate().map(of_body).sum();
     together + model.loads.iter().map(of_parts).sum::<f64>()

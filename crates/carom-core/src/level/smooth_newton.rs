@@ -254,12 +254,12 @@ impl SmoothScratch {
         let loaded = add_loads(model, &trial.motion(weights.time), &mut wrench);
         trial.wrench = wrench;
         loaded?;
+        // To what is absent a function of the user may have given something.
+        let all = trial.wrench.iter_mut().zip(present);
+        all.filter(|(_, &is_there)| !is_there)
+            .for_each(|(w, _)| *w = [DVec3::ZERO; 2]);
         self.pushed = pushed(model, &trial.motion(weights.time), &trial.wrench);
         for (i, w) in trial.wrench.iter_mut().enumerate() {
-            if !present[i] {
-                // A function of the user may have given it something.
-                *w = [DVec3::ZERO; 2];
-            }
             let weight = own_force(model, &self.displaced, i, weights.time);
             let terms = &mut self.residuals[self.residual_of[i] as usize];
             terms.parts += weight.length();

@@ -80,7 +80,9 @@ def step_of_falls(parts: Whole) -> Iterator[Limit]:
         speed = np.sqrt(np.maximum(0.0, towards**2 * (towards > 0) + 2 * pull * np.maximum(0.0, height)))
         in_time = (speed - np.maximum(0.0, towards)) / pull <= parts.until
         travel = np.where(
-            in_time & ~_held_up(bodies, normal) & ~_tied(parts, normal), speed / bodies.radius * run.step, 0.0
+            in_time & ~_held_up(bodies, normal) & ~_tied(parts, normal, (pull, height)),
+            speed / bodies.radius * run.step,
+            0.0,
         )
         body = int(travel.argmax())
         if travel[body] > PLANE_TRAVEL and (worst is None or travel[body] > worst[0]):
@@ -103,14 +105,20 @@ def _held_up(bodies: Bodies, normal: F64) -> Bool:
     return np.asarray((near & (height[None] < height[:, None])).any(axis=1))
 
 
-def _tied(parts: Whole, normal: F64) -> Bool:
+def _tied(parts: Whole, normal: F64, fall: tuple[float, F64]) -> Bool:
     """Which balls joints and springs tie to the ground along a direction, through others too, (N,).
 
-    Rods and springs do in every direction, for they turn. Joints that hold turns and directions across it alone do not.
+    Rods do in every direction, for they turn, and springs that stop the `fall` (m/s^2, and heights, m): on a way of
+    2 m g/k. Joints that hold turns and directions across it alone do not.
     """
     bodies = parts.bodies()
     number, ground = numbers(bodies), len(bodies.names)
-    pairs = [spring_ends(spring, bodies, number)[:2] for _, spring in parts.tables(Spring)]
+    pairs: list[tuple[int, int]] = []
+    for _, spring in parts.tables(Spring):
+        two = spring_ends(spring, bodies, number)[:2]
+        balls = [i for i in two if i >= 0]
+        if 2 * fall[0] * bodies.mass[balls].sum() <= spring.stiffness * fall[1][balls].min():
+            pairs.append(two)
     for _, joint in parts.tables(Joint):
         of = joint_rows(joint, bodies, number)
         if any(
