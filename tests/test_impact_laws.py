@@ -317,6 +317,7 @@ def test_the_page_of_the_laws_is_what_its_command_prints() -> None:
     spec.loader.exec_module(module)
     number = re.compile(r"(?<![\w.-])[-+]?[0-9]+(?:[.][0-9]+)?(?![\w.])")
     fresh, page = "".join(module.parts()), module.PAGE.read_text("utf-8")
+    assert "-0.0000" not in fresh
     assert number.sub("#", fresh) == number.sub("#", page)
     found, stated = (np.array([float(x) for x in number.findall(text)]) for text in (fresh, page))
     np.testing.assert_allclose(found, stated, atol=1.5e-4, rtol=2e-3)

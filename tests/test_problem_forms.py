@@ -120,6 +120,20 @@ def test_an_indefinite_mass_matrix_is_told() -> None:
         problem.to_local()
 
 
+def test_an_indefinite_w_is_told() -> None:
+    """And none that is so by rounding: redundant contacts, rows of 0."""
+    for w, mu in (([[1, 2], [2, 1]], [0.3]), (np.kron([[1, -3], [-3, 1]], np.eye(2)), [0, 0])):
+        with pytest.warns(ContactProblemWarning, match="W is not positive semidefinite"):
+            LocalProblem(W=w, q=-np.ones(len(w)), mu=mu)
+    h = np.random.default_rng(1).standard_normal((6, 30))
+    redundant = h.T @ np.diag(10.0 ** np.arange(6)) @ h
+    redundant[:, 3] = redundant[3] = 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        LocalProblem(W=redundant, q=np.zeros(30), mu=np.zeros(10))
+        LocalProblem(W=np.zeros((6, 6)), q=np.zeros(6), mu=np.zeros(2))
+
+
 class Sparse:
     """What SciPy's matrices look like from here."""
 

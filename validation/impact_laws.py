@@ -57,7 +57,8 @@ def side_by_side(scene: Scene, axis: int, beside: Sequence[float] | None = None)
     for law in LAWS:
         v = velocities(scene, law, axis)
         energy = float(masses @ v**2 / (masses @ before**2))
-        rows.append([f"`{law}`", *(f"{x:.4f}" for x in v + 0.0), f"{energy:.4f}"])
+        # Rounded first: what is no more than rounding below 0 has no sign.
+        rows.append([f"`{law}`", *(f"{x:.4f}" for x in v.round(4) + 0.0), f"{energy:.4f}"])
     if beside is not None:
         rows.append(["Hertz chain", *(f"{x:.4f}" for x in beside), ""])
     return table(["law", *map(str, range(1, count + 1)), "energy left"], rows)

@@ -19,12 +19,9 @@ import numpy as np
 from carom.arrays import F64, I64
 from carom.problem.errors import ContactProblemError, ContactProblemWarning, refuse
 from carom.problem.given import finite, vector
-from carom.problem.local import Bounds, LocalProblem, positive, square
+from carom.problem.local import MAX_CHECKED, Bounds, LocalProblem, positive, square
 from carom.problem.matrix import Csr, blocks, components, of_blocks
 
-#: Rows of a block of M up to which it is seen when a problem is made whether it is singular (0.1 s). Larger: problems that
-#: are only read and written take long.
-MAX_CHECKED = 1000
 #: Rows of a block of M that is inverted as a dense matrix (0.3 GB).
 MAX_BLOCK = 6000
 

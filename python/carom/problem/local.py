@@ -28,11 +28,14 @@ from carom.arrays import F64
 from carom.problem.cone import BLOCKS
 from carom.problem.errors import ContactProblemWarning, refuse
 from carom.problem.given import finite, vector
-from carom.problem.matrix import Csr, asymmetry
+from carom.problem.matrix import Csr, asymmetry, blocks, components
 
 #: Relative asymmetry of W or M (largest entry of the difference over the largest of all): above the first it is
 #: told, above the second refused. Published problems, written with few digits, reach 1e-3.
 ASYMMETRY_TOLD, ASYMMETRY_REFUSED = 1e-8, 1e-2
+#: Rows of a block of W, or of M, that is looked at when a problem is made (0.1 s): whether W is positive semidefinite, M
+#: singular. Larger: problems that are only read and written take long.
+MAX_CHECKED = 1000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,6 +129,7 @@ class LocalProblem(Bounds):
         self._check_bounds(len(self.q), "q")
         self._set("W", square(self.W, "W", len(self.q), self.max_asymmetry))
         positive(self.W, "W")
+        _tell_indefinite(self.W)
 
 
 def positive(matrix: Csr, name: str) -> None:
@@ -137,6 +141,23 @@ def positive(matrix: Csr, name: str) -> None:
         raise refuse(
             name, cause, "it must be positive semidefinite; is a sign in it, or in what made it, wrong?"
         )
+
+
+def _tell_indefinite(w: Csr) -> None:
+    """Warn of a W with negative eigenvalues, beyond what few digits and asymmetry make of 0."""
+    block = components(w)
+    if np.bincount(block).max(initial=0) > MAX_CHECKED:
+        return
+    rounding = max(ASYMMETRY_TOLD, asymmetry(w))
+    for _, dense in blocks(w.symmetric, block):
+        size, largest = dense.shape[1], np.abs(dense).max(axis=(1, 2))
+        least = size * rounding * np.where(largest > 0.0, largest, 1.0)
+        try:
+            np.linalg.cholesky(dense + least[:, None, None] * np.eye(size))
+        except np.linalg.LinAlgError:
+            text = "W is not positive semidefinite: there may be no solution, or forces that no bodies have"
+            warnings.warn(text, ContactProblemWarning, stacklevel=4)
+            return
 
 
 def square(matrix: Any, name: str, size: int, limit: float = ASYMMETRY_REFUSED) -> Csr:
