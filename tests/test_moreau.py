@@ -215,6 +215,27 @@ def test_a_curved_contact_overlaps_by_h_squared_without_projection() -> None:
     assert overlap_over_the_hill(1e-3, projected=True) < 1e-10 * 0.1
 
 
+@pytest.mark.parametrize("impact", ["sequence", "one-shot", "compliant"])
+def test_what_slides_over_a_ball_keeps_its_contact(impact: str) -> None:
+    """Three balls with friction 1 % below what holds them: opening by the square of their way they stay loaded."""
+    half = math.radians(40)
+    least = math.tan(half / 2)
+    scene = Scene(gravity=(0, 0, -9.8))
+    scene.contact("b", "b", friction=1.2 * least, restitution=0)
+    scene.contact("b", "f", friction=0.99 * least / 3, restitution=0)
+    scene.plane("f", point=(0, 0, 0), normal=(0, 0, 1), material="f")
+    r, q = 0.02, 0.04 * math.sin(half)
+    for name, at in (("l", (-q, 0, r)), ("r", (q, 0, r)), ("t", (0, 0, r + 2 * r * math.cos(half)))):
+        scene.sphere(name, radius=r, mass=0.1, material="b", position=at)
+    exact = carom.simulate(scene, step=2.5e-4, until=0.2).position
+    for h in (2e-3, 5e-4):
+        run = carom.simulate(scene, step=h, until=0.2, method="moreau", impact=impact)
+        way = run.position[-1] - run.position[0]
+        assert way == pytest.approx(exact[-1] - exact[0], abs=1e-3 * abs(exact[-1] - exact[0]).max())
+        assert len(run.impacts) == 0
+        assert run.summary["energy"]["max_rise"] == 0.0
+
+
 @pytest.mark.parametrize(("theta", "order"), [(0.5, 2.0), (1.0, 1.0)])
 def test_loads_are_weighted_by_theta(theta: float, order: float) -> None:
     """A spring against the exact oscillation: order 2 with the mean of old and new, 1 otherwise."""

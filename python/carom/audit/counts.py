@@ -146,7 +146,7 @@ def of_frames(block: Block, near: Near, tally: Tally) -> None:
 def _closed(block: Block, near: Near, tally: Tally) -> None:
     """Closed contacts, the groups that they make, and the largest of these: pairs with an impulse, or with a gap at the end
     of the step within the touching tolerance, of Moreau-Jean with an overlap in the middle of the step. Gaps at that
-    tolerance to rounding may count or not, and so may contacts that have come apart since the loads were solved with them.
+    tolerance to rounding may count or not, and so may what loads may close, or has come apart since they were solved.
     """
     run, n = block.run, block.run.bodies
     # Which part of a mesh is touched in the middle of a step no frame shows.
@@ -169,7 +169,7 @@ def _closed(block: Block, near: Near, tally: Tally) -> None:
     own = (near.k * many + near.a) * many + near.b
     sure = np.union1d(pushed, own[lawful & (gap <= min(touching) * length - noise)])
     unsure = gap <= max(touching) * length + noise
-    if run.loads_once or run.projects:
+    if run.loads_once or run.method == "moreau":
         loads = closing.given(block)
         loads = np.maximum(loads[near.k, near.a], loads[near.k, run.given(near.b)])
         slow = 0.5 * loads + closing.closing(block, near.k, near.a, near.b, "candidates")

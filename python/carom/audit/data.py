@@ -330,7 +330,7 @@ class Run:
 
     @property
     def projects(self) -> bool:
-        """Whether Moreau-Jean projects positions: what loads may close in a step is closed then (`loads_once.rs`)."""
+        """Whether Moreau-Jean projects positions."""
         return self.method == "moreau" and bool(self.options["position_projection"])
 
     @property

@@ -72,7 +72,7 @@ def _middle(block: Block) -> tuple[F64, F64]:
 def complementarity(block: Block, tally: Tally) -> None:
     """A contact with an impulse is closed (eqs. 8a, 14): `gap <= touching_tolerance r_c`, or what solvers leave.
 
-    Moreau-Jean asks the middle of the step, and with a projection what loads may close besides. Where the step was made in
+    Moreau-Jean asks the middle of the step, and what loads may close besides. Where the step was made in
     parts, or several lie between the frames, or with method penalty, the contact may have opened since: by no more than its
     bodies can have moved (`forces.speeds`).
     """
@@ -113,7 +113,7 @@ def complementarity(block: Block, tally: Tally) -> None:
         bound = bound + np.where(
             loads_once.holds_gap(block, of_contacts.shift), run.loosest["gap_tolerance"] * length, reach
         )
-    if run.projects:
+    if run.method == "moreau":
         loads = given(block)
         loads = np.maximum(loads[c.k, c.a], loads[c.k, run.given(c.b)])
         bound = bound + run.h * (loads + 0.5 * closing(block, c.k, c.a, c.b, "candidates"))

@@ -156,22 +156,16 @@ fn list_pairs(model: &Model, state: &State, scratch: &mut Scratch) -> Result<f64
     Ok(fastest)
 }
 
-/// The closed contacts: gap at the midpoint within the touching tolerance, with the frame of the midpoint. Where overlaps are taken away none tells what
-/// rests: what loads may close is closed there.
+/// The closed contacts: gap at the midpoint within the touching tolerance, or what loads may close in the step, with the frame of the midpoint.
 fn meet(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<(), Failure> {
     let (contacts, walls, position) = (&mut scratch.contacts, &scratch.walls, &scratch.position);
     contacts.clear();
-    let (touching, rests) = (
-        model.options.touching_tolerance,
-        model.options.position_projection,
-    );
-    let margin = if rests { CANDIDATE_MARGIN } else { touching };
-    let pairs = scratch.neighbours.pairs();
+    let (pairs, margin) = (scratch.neighbours.pairs(), CANDIDATE_MARGIN);
     let mut found = Vec::new();
     candidates::near_pairs(model, state, walls, position, pairs, margin, &mut found)?;
     for near in &found {
         let mut c = candidates::contact(model, state, walls, near)?;
-        let meets = near.gap <= touching * c.length;
+        let meets = near.gap <= model.options.touching_tolerance * c.length;
         if !meets && !loads_once::brought(model, state, walls, &scratch.linear, &c, h) {
             continue;
         }
