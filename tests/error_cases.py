@@ -613,7 +613,11 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "expected any number of tables, found ...": [("case", "[case]\nx = 1\n")],
     "expected one table, found ...": [("parameters", "[[parameters]]\nx = 1\n")],
     "expected a number or an expression, found ...": [("parameters", "[parameters]\nx = true\n")],
-    "... may mean the unit or the parameter ...": [("parameters", '[parameters]\nm = 1.0\nx = "2*m"\n')],
+    "... may mean the unit or the parameter ...": [
+        ("parameters", '[parameters]\nm = 1.0\nx = "2*m"\n'),
+        ("radius", '[parameters]\nm = 1.0\n[[sphere]]\nname = "b"\nradius = "2*m"\n'),
+    ],
+    "... may mean the unit t, tonnes, or the time": [("parameters", '[parameters]\nx = "2*t"\n')],
     "is not used anywhere": [("parameters", "[parameters]\nx = 1.0\n")],
     "is the name of case number ... too": [("case", '[[case]]\nname = "a"\n[[case]]\nname = "a"\n')],
     "is not in [parameters]": [("case", '[[case]]\nname = "a"\nx = 1.0\n')],

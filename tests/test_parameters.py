@@ -373,6 +373,37 @@ def test_the_name_of_a_unit_and_of_a_parameter() -> None:
     assert Scene.from_toml(computed, parameters={"n": "3 s"}).parameters["n"] == 3.0
 
 
+def _force(scene: Scene) -> Any:
+    return scene.to_model()["loads"][0]["force"][0][1]
+
+
+@pytest.mark.parametrize("place", ['[[load]]\non = "cue"\nforce = ["{}", 0, 0]', 'until = "{}"'])
+def test_texts_of_files_have_one_reading(place: str) -> None:
+    """`2*N` was 2 newton and `N*2` twice the parameter, in one line of a file."""
+    unit = "N" if "load" in place else "s"
+
+    def read(value: str) -> Any:
+        text = CUT.replace("n = 2", f"n = 2\n{unit} = 3.0")
+        line = place.format(value)
+        return Scene.from_toml(
+            text + line if "load" in place else text.replace('until = "= 20*1e-3"', line), parameters={}
+        )
+
+    with pytest.raises(ScenarioError, match=f'may mean the unit or the parameter {unit}; write "2 {unit}"'):
+        read(f"2*{unit}")
+    scene = read(f"= 2*{unit}")
+    assert (_force(scene) if "load" in place else scene.run.until) == 6.0
+    if "load" in place:
+        assert _force(read("N*2")) == 6.0
+
+
+def test_a_parameter_used_unchanged_in_a_law_has_the_dimension_of_the_place() -> None:
+    text = CUT.replace("mu = 0.06", 'mu = "2 N"')
+    for law in ("= mu", "mu", "(mu)"):
+        ((_, _, message),) = problems(text.replace('{ expression = "mu*exp(-v)" }', f'"{law}"'))
+        assert 'found "2 N", a force' in message
+
+
 @given(st.text("=+-*/^()., 0123456789eErfphimunstv<[{\"'\\\n\u00b2", max_size=30))
 def test_no_expression_gives_a_traceback(text: str) -> None:
     quoted = json.dumps("=" + text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 import pickle
 import re
@@ -590,3 +591,37 @@ def test_a_text_is_a_formula_wherever_a_law_stands() -> None:
         plain.load("b", force=("20*v", 0, 0))
     with pytest.raises(ScenarioError, match="remove the quotes"):
         plain.load("b", force=("20", 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("text", "means"),
+    [
+        ("2*3", 6.0),
+        ("sqrt(4)", 2.0),
+        ("0.5+0", 0.5),
+        ("-pi", -math.pi),
+        ("5*N", 5.0),
+        ("5 t m/s^2", 5000.0),
+        ("0.1*sin(20*t))", 'column 14: ")" without a "("'),
+        ("2sin(t)", "column 2: an operator is missing"),
+        ("5*", "column 3: the expression ends"),
+        ("2t", "column 2: an operator is missing.*to multiply"),
+        ("5 N*t", "column 3: .*a formula has no units.*parameter N ="),
+        ("5*sin(t) N", "column 10: .*a formula has no units"),
+        ("90 deg*t^2", "a formula has no units.*parameter deg ="),
+        ("t/s", 'unknown name "s".*a formula has no units'),
+        ("0.5", "remove the quotes"),
+        ("0,5 N", "decimal comma"),
+        ("5 Newton", "mean N?"),
+        ("5 kg", "a mass"),
+    ],
+)
+def test_texts_in_place_of_forces(text: str, means: float | str) -> None:
+    """What begins as a number with a unit and is a formula was called an unknown unit, also without a variable."""
+    scene = Scene()
+    scene.sphere("b", radius=1, mass=1, position=(0, 0, 0), material="m")
+    if isinstance(means, str):
+        with pytest.raises(ScenarioError, match=re.escape(means).replace(r"\.\*", ".*")):
+            scene.load("b", force=(text, 0, 0))
+    else:
+        assert scene.load("b", force=(text, 0, 0)).force[0] == means

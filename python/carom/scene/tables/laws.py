@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -88,16 +90,19 @@ class Law(Checked):
         return start if _constant(form, values) else law
 
     def writes_formula(self, value: Any) -> bool:
-        """Whether a value is a formula: a text that is no number with a unit, nor one of parameters of a file."""
-        if not isinstance(value, str) or value.lstrip().startswith("=") or units.is_quantity(value):
+        """Whether a value is a formula: a text that is no number, with a unit or without, nor one of parameters of a file.
+
+        What cannot be read is meant as a formula if it does not begin with a number, or goes on as no unit does.
+        """
+        if not isinstance(value, str) or value.lstrip().startswith("="):
             return False
-        if self.dimension == "number":
-            return True
-        try:
+        rest = units.after_the_number(value)
+        if rest == "":
+            return self.dimension == "number"  # else its unit was forgotten
+        with suppress(units.UnitError):
             units.parse(value, self.dimension)
-        except units.UnitError:
-            return _reads(value)
-        return False
+            return False
+        return rest is None or re.search(rf"^[-*/^]|[()+]|- |\b{self.variable}\b", rest) is not None
 
     def _constant(self, value: Any) -> float:
         try:
@@ -193,13 +198,26 @@ def _expression(value: Any, variable: str) -> str:
         parsed = parse(value)
     except ValueError as e:
         cause, _, cure = str(e).partition("; ")
+        surplus = re.search(r'missing between .* and "(\w+)"$', cause)
+        cure = _no_units(surplus and surplus[1], variable) or cure
         cure = cure or f'write a formula in {variable}, for example "{example}"'
         raise refuse(f"cannot read {quoted(value)}: {cause}", cure) from None
     strangers = [name for name in parsed.variables if name != variable]
     if strangers:
         cause = f"unknown name {quoted(strangers[0])} in {quoted(value)}"
-        raise refuse(cause, f"the variable is called {variable}; write numbers for all else")
+        cure = f"the variable is called {variable}; write numbers for all else"
+        raise refuse(cause, _no_units(strangers[0], variable) or cure)
     return value
+
+
+def _no_units(name: str | None, variable: str) -> str:
+    """The cure where a name in a formula of `variable` is that of a unit."""
+    unit = units.meant(name) if name and name not in ("t", "v") else None
+    return (
+        f'a formula has no units: write it in SI, as 5*{variable}, or a parameter {unit} = "1 {unit}"'
+        if unit
+        else ""
+    )
 
 
 _FORMS: dict[str, Callable[[Any, str], Any]] = {
@@ -216,14 +234,6 @@ def parse(text: str) -> Expression:
         return _core.Expression(text)
     except _core.ExpressionError as e:
         raise ValueError(str(e)) from None
-
-
-def _reads(text: str) -> bool:
-    """Whether a text in place of a number with a unit is a formula of something."""
-    try:
-        return bool(parse(text).variables)
-    except ValueError:
-        return False
 
 
 def value_at(law: LawValue, x: float) -> float:

@@ -7,7 +7,7 @@ becomes that number. A scene therefore knows nothing of them but the `Variant` i
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -145,7 +145,7 @@ def _fit(tables: Tables, path: Path, name: str, value: Any, bare: bool = False) 
     A `bare` expression needs no "=": it is what cannot be a quantity.
     """
     k = tables.order.index(name)
-    if isinstance(value, str) and _has_two_readings(tables, path, value):
+    if isinstance(value, str) and _has_two_readings(tables.formulas, path, value, tables.order, time=True):
         return None
     if is_formula(value) or (bare and isinstance(value, str) and _is_expression(value, tables.order)):
         known = tables.formulas.names(value, path, tables.order[:k], tables.order[k:])
@@ -166,18 +166,34 @@ def _fit(tables: Tables, path: Path, name: str, value: Any, bare: bool = False) 
     return None
 
 
-def _has_two_readings(tables: Tables, path: Path, text: str) -> bool:
-    """Whether a text is a quantity and an expression of parameters with the names of its units, as "2*m": it is refused."""
+def _has_two_readings(
+    formulas: Formulas,
+    path: Path,
+    text: str,
+    known: Collection[str],
+    dimension: str | None = None,
+    time: bool = False,
+) -> bool:
+    """Whether a text is a quantity and an expression of names as its units, as "2*m": it is refused.
+
+    Names are those of the `known` parameters and, where somebody may think of a law, of the `time`.
+    """
     try:
-        names = [name for name in parse(text).variables if name in tables.order]
-        units.parse(text)
+        names = [name for name in parse(text).variables if name in known or (time and name == "t")]
+        units.parse(text, dimension)
     except ValueError:
         return False
     if names:
         quantity = re.sub(r"\s*([*/])\s*", lambda sign: " " if sign[1] == "*" else " 1/", text, count=1)
-        cause = f"{quoted(text)} may mean the unit or the parameter {names[0]}"
-        cure = f"write {quoted(quantity)} with the unit, or {quoted(f'= {text}')} with the parameter"
-        tables.formulas.refuse(path, cause, cure)
+        if names[0] in known:
+            cause = f"{quoted(text)} may mean the unit or the parameter {names[0]}"
+            cure = f"write {quoted(quantity)} with the unit, or {quoted(f'= {text}')} with the parameter"
+            formulas.refuse(path, cause, cure)
+        else:
+            cause = f"{quoted(text)} may mean the unit t, tonnes, or the time"
+            formulas.refuse(
+                path, cause, f"write {quoted(quantity)}; laws of the time stand where they are used"
+            )
     return bool(names)
 
 
@@ -321,6 +337,9 @@ def _checks(annotation: Any) -> Iterator[Any]:
 def _replaced(
     value: Any, kind: Kind, path: Path, values: Mapping[str, float | None], formulas: Formulas
 ) -> Any:
+    dimension = getattr(kind, "dimension", None)
+    if isinstance(value, str) and _has_two_readings(formulas, path, value, values, dimension):
+        return value
     if is_formula(value):
         x = formulas.number(value, path, values, kind)
         if x is None:

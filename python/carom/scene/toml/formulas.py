@@ -69,12 +69,8 @@ class Formulas:
         if any(name not in known for name in expression.variables):
             self.damaged.add(path)
             return None
-        if kind is not None and (passed := self.passed_on(text)) is not None:
-            try:
-                units.parse(passed, getattr(kind, "dimension", "number"))
-            except units.UnitError as e:
-                self.refuse(path, f"{quoted(text)}: {e.cause}", e.cure)
-                return None
+        if kind is not None and not self._fits(text, path, kind):
+            return None
         try:
             return expression.evaluate(known)
         except ValueError as e:
@@ -89,6 +85,17 @@ class Formulas:
     def passed_on(self, text: str) -> str | None:
         """The quantity with a unit that an expression takes from a parameter unchanged."""
         return self.quantities.get(blank(text).strip(" ()"))
+
+    def _fits(self, text: str, path: Path, kind: Kind) -> bool:
+        """Whether a parameter that is used unchanged has the dimension of the place."""
+        passed = self.passed_on(text)
+        try:
+            if passed is not None:
+                units.parse(passed, getattr(kind, "dimension", "number"))
+        except units.UnitError as e:
+            self.refuse(path, f"{quoted(text)}: {e.cause}", e.cure)
+            return False
+        return True
 
     def law(self, text: str, path: Path, values: Mapping[str, float | None], kind: Law | LawVector) -> str:
         """The formula of a law, with numbers in place of parameters; its own variable stays."""
@@ -105,6 +112,8 @@ class Formulas:
         self.used |= replaced
         if any(values[name] is None for name in replaced):
             self.damaged.add(path)
+            return text
+        if not self._fits(text, path, kind):
             return text
         return _NAME.sub(lambda m: f"({values[m[0]]!r})" if m[0] in replaced else m[0], text)
 
