@@ -446,6 +446,14 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "e_N = 1 on plane ... against gravity: each bounce ... energy of the order of the step": [
         ("restitution", "restitution = 0.5 -> restitution = 1.0")
     ],
+    "the coefficient is ... at an approach of ... m/s": [
+        (
+            "restitution",
+            "[0.5, 0.0, 0.028575] -> [0.5, 0.0, 0.028575]\nvelocity = [1.0, 0.0, 0.0]\n"
+            '[[material]]\nname = "ice"\n[[contact]]\nbetween = ["ice", "ball"]\nfriction = 0\n'
+            'restitution = "0.9 - v"\n',
+        )
+    ],
     "the coefficient is ... at a slip of ... m/s": [
         (
             "friction",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import warnings
 
 import numpy as np
 import pytest
-from carom import CaromWarning, ScenarioError, Scene, simulate
+from carom import CaromError, CaromWarning, ScenarioError, Scene, simulate
 from carom.scene.checks.moving_walls import first_jump
 from carom.scene.checks.overlap import overlaps
 from carom.scene.tables.laws import LawValue
@@ -157,6 +159,27 @@ def test_bounces_are_warned_of_where_they_change_energy(side: str, method: str, 
     assert max(map(abs, change)) < 1
     does = "gains" if max(change) > 0.1 else "loses" if min(change) < -0.1 else ""
     assert [f"each bounce {does}" in line for line in told] == [True] * bool(does)
+
+
+@pytest.mark.parametrize("height", [0.1, 1.5])
+@pytest.mark.parametrize(
+    "law", ["1 - 0.05*v", "0.95 - 0.3*v", "v^2", "max(0, 0.95 - 0.3*v)", "min(1, 0.9 + v)", 1.0]
+)
+def test_laws_of_restitution_are_judged_at_the_speeds_of_falls(law: str | float, height: float) -> None:
+    """They were looked at without speed: a law with e(0) = 1 was called one without loss, and none to leave 0 to 1."""
+    scene = Scene(gravity=(0, 0, -9.8), run={"until": 0.6, "step": 1e-3})
+    scene.contact("ball", "bed", friction=0.0, restitution=law)
+    scene.plane("bed", point=(0, 0, 0), normal=(0, 0, 1), material="bed")
+    scene.sphere("a", radius=0.02, mass=0.1, at=(0, 0, 0.02 + height), material="ball")
+    v = math.sqrt(2 * 9.8 * height)
+    e = {"0.95 - 0.3*v": 0.95 - 0.3 * v, "v^2": v * v}.get(str(law), 0.5)
+    told = advice(scene)
+    assert any("an approach of" in line for line in told) == (not 0 <= e <= 1)
+    assert any("against gravity" in line for line in told) == (law in ("min(1, 0.9 + v)", 1.0))
+    failed = pytest.raises(CaromError, match="a law of restitution")
+    with warnings.catch_warnings(), contextlib.nullcontext() if 0 <= e <= 1 else failed:
+        warnings.simplefilter("ignore", CaromWarning)
+        simulate(scene)
 
 
 def test_a_ceiling_that_no_ball_reaches_is_not_warned_of() -> None:
