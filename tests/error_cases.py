@@ -570,6 +570,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "... can take the load of the contact of ... with ...: friction there vanishes or is undetermined": [
         ("joint", '[[joint]]\ntype = "plane"\nbody = "cue"\nnormal = [0,0,1]\n')
     ],
+    "... holds ... against ..., and neither gives way": [
+        ("joint", MOTION.replace("[1,0,0]", "[0,0,1]") + 'displacement = "-0.01*t^2"\n')
+    ],
     "... runs inside ... at up to ... m/s, ... m from its middle: a step of ... s loses about ..."
     " (estimate without friction and hits)": [
         (

@@ -7,6 +7,7 @@ together, the force is theirs or is shared in a way that nothing determines. At 
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterator
 from itertools import takewhile
 from typing import TYPE_CHECKING, NamedTuple
@@ -38,6 +39,8 @@ HELD = 1e-6
 """Part of a unit row that joints do not hold, up to which they hold it. Beyond it, they and the contact jam."""
 SHARE = 1e-6
 """Part of the load, over the largest, from which a joint takes part in it."""
+FINER = 1000
+"""Parts of the time between two looks at laws to which it is told when a contact closes."""
 MOST_NAMED = 3
 """Joints that one message names."""
 MOST_TOLD = 20
@@ -86,18 +89,24 @@ def advise_joint_contacts(parts: Whole) -> Iterator[Finding]:
         found = _taken(parts, systems, touch)
         if found is None:
             continue
-        joints, when = found
+        joints, time, through = found
         names = [quoted(entries[i].name or default_name(i)) for i in joints[:MOST_NAMED]]
         listed = ", ".join(names) + (
             f" and {len(joints) - MOST_NAMED} more" if len(joints) > MOST_NAMED else ""
         )
         a = quoted(parts.bodies().names[touch.a])
-        cause = f"{listed} can take the load of the contact of {a} with {touch.other}{when}"
-        cause += ": friction there vanishes or is undetermined"
-        cure = (
-            f"leave the direction of that contact free in {names[0]}, or give the two materials no friction"
-        )
-        yield Finding(("joint", joints[0]), cause, cure)
+        when = "" if time is None else f" from t = {time:.4g} s on"
+        if through:
+            cause = f"{listed} holds {a} against {touch.other}{when}, and neither gives way"
+            cure = (
+                f"leave the direction of that contact free in {names[0]}, or end the run or the motion before"
+            )
+            yield Finding(("joint", joints[0]), cause, cure)
+        else:
+            cause = f"{listed} can take the load of the contact of {a} with {touch.other}{when}"
+            cause += ": friction there vanishes or is undetermined"
+            cure = f"leave the direction of that contact free in {names[0]}, or give the two materials no friction"
+            yield Finding(("joint", joints[0]), cause, cure)
         told += 1
         if told == MOST_TOLD:
             return
@@ -131,22 +140,25 @@ def _touches(parts: Whole, systems: Joined) -> Iterator[Touch]:
         yield Touch(a, b, normal, apart, None, other, materials[bodies.material[b]])
 
 
-def _taken(parts: Whole, systems: Joined, touch: Touch) -> tuple[list[int], str] | None:
-    """The joints that take its load, and when if not from the start; None if they leave the contact its load."""
+def _taken(parts: Whole, systems: Joined, touch: Touch) -> tuple[list[int], float | None, bool] | None:
+    """The joints that take its load, since when if not from the start, and whether they go on through the contact; None if
+    they leave the contact its load, or it has none to act on.
+    """
     bodies = parts.bodies()
     law = _law(parts, parts.materials()[bodies.material[touch.a]], touch.material)
     if law is None:
         return None
     load = _share(systems, _row(parts, systems, touch, touch.normal, np.zeros(3)))
-    if load is None or all(_at_rest(systems, row) for row in _slips(parts, systems, touch, law)):
+    if load is None:
         return None
-    when = ""
-    if touch.gap > TOUCHING * bodies.radius[touch.a]:
-        time = _closes(parts, systems, touch, load)
-        if time is None:
+    least = TOUCHING * float(bodies.radius[touch.a])
+    through = _closes(parts, systems, touch, load, -least)
+    time = through if touch.gap <= least else _closes(parts, systems, touch, load, least)
+    if through is None:
+        open_ = touch.gap > least and time is None
+        if open_ or all(_at_rest(systems, row) for row in _slips(parts, systems, touch, law)):
             return None
-        when = f" from t = {time:.3g} s on"
-    return sorted(load, key=lambda joint: -np.abs(load[joint]).max()), when
+    return sorted(load, key=lambda joint: -np.abs(load[joint]).max()), time, through is not None
 
 
 def _row(parts: Whole, systems: Joined, touch: Touch, at_point: F64, turning: F64) -> dict[int, F64]:
@@ -231,8 +243,8 @@ def _moves(systems: Joined, joint: int) -> bool:
     return any(isinstance(row.law, dict) for row in systems.rows[joint].rows)
 
 
-def _closes(parts: Whole, systems: Joined, touch: Touch, load: dict[int, F64]) -> float | None:
-    """When the joints close a contact with a plane that is open at the start, s; None if they don't."""
+def _closes(parts: Whole, systems: Joined, touch: Touch, load: dict[int, F64], least: float) -> float | None:
+    """When the joints bring the gap of a contact with a plane down to the least, s; None if they don't."""
     wall = touch.wall
     if wall is None or (wall.motion is not None and wall.motion.rotation is not None):
         return None
@@ -244,10 +256,18 @@ def _closes(parts: Whole, systems: Joined, touch: Touch, load: dict[int, F64]) -
         (-n, law)
         for n, law in zip(touch.normal, (wall.motion and wall.motion.translation) or (), strict=False)
     ]
-    begun = sum(c * value_at(law, 0.0) for c, law in laws)
-    least = TOUCHING * float(parts.bodies().radius[touch.a])
+    if not any(isinstance(law, dict) for _, law in laws):
+        return None
+
+    def reached(time: float) -> bool:
+        way = sum(c * (value_at(law, time) - value_at(law, 0.0)) for c, law in laws)
+        return float(touch.gap + way) <= least
+
     there = (wall.motion and wall.motion.until) or math.inf
+    before = 0.0
     for time in takewhile(lambda time: time < there, parts.times()):
-        if touch.gap + sum(c * value_at(law, time) for c, law in laws) - begun <= least:
-            return time
+        if reached(time):
+            between = np.linspace(before, time, FINER + 1).tolist()
+            return float(between[max(0, bisect_left(between, True, key=reached) - 1)])
+        before = time
     return None
