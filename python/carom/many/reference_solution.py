@@ -15,6 +15,7 @@ from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.many.quantity import QUANTITIES, Quantity, States
 from carom.numeric import reals
+from carom.scene.toml.formulas import blank
 
 if TYPE_CHECKING:
     from carom._core import Expression
@@ -93,7 +94,7 @@ class Formulas:
 
     @classmethod
     def read(cls, path: Path, bodies: Sequence[str]) -> Formulas:
-        """A TOML file with a table for each sphere, whose components are numbers or `"= formula of t"`.
+        """A TOML file with a table for each sphere, whose components are numbers or formulas of t ("=" in front is optional).
 
         [parameters]            # optional: numbers, or formulas of those above
         g = 9.8
@@ -209,10 +210,10 @@ class _Component:
         if isinstance(given, (int, float)) and not isinstance(given, bool):
             self._value = float(given)
             return None
-        if not isinstance(given, str) or not given.lstrip().startswith("="):
-            raise CaromError(f'{self._place}: must be a number or a formula such as "= 2*t", found {given!r}')
+        if not isinstance(given, str):
+            raise CaromError(f'{self._place}: must be a number or a formula such as "2*t", found {given!r}')
         try:
-            formula = Expression(given.lstrip()[1:])
+            formula = Expression(blank(given))
         except ExpressionError as error:
             raise CaromError(f"{self._place}: {error}") from None
         for name in formula.variables:
