@@ -68,6 +68,22 @@ def test_long_names_are_shortened_in_labels_and_whole_in_the_numbers() -> None:
     assert f"{LONG} v_x (m/s)" in chart.data
 
 
+@pytest.mark.parametrize("most", [10, 16, 18, LONGEST])
+@pytest.mark.parametrize(
+    "name", ["steel ball number {:02d} of the lot A of this year", "x" * 40 + "{}", "{} " + "y" * 40]
+)
+def test_names_that_are_cut_stay_apart(name: str, most: int) -> None:
+    """All balls of a lot had one label in figures of contacts."""
+    names = [name.format(k) for k in range(14)]
+    labels = [shortened(one, most, names) for one in names]
+    assert len(set(labels)) == 14
+    assert max(map(len, labels)) <= most
+    pairs = [paired(pair, names) for pair in pairwise(names)]
+    assert len(set(pairs)) == 13
+    lots = [f"{k} {'z' * 40} of the long and winding lot {'AB'[k % 2] * 12} {k}" for k in range(4)]
+    assert len({shortened(one, most, lots) for one in lots}) == 4
+
+
 @pytest.mark.parametrize("wide", WIDTHS)
 def test_figures_grow_with_the_lines_of_titles_and_legends(wide: str) -> None:
     """`trajectories` had the title over the legend, and its lower labels were cut, with two lines or four entries."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from html import escape
-from itertools import zip_longest
+from itertools import takewhile, zip_longest
 
 #: Characters in a line that goes to a file or a pipe.
 WIDTH = 160
@@ -114,12 +114,30 @@ def page(
     return text + "</div>"
 
 
-def shortened(name: str, most: int = LONGEST) -> str:
-    """A name of at most `most` characters: what is too much goes from the middle, as names often differ at their ends."""
+def shortened(name: str, most: int = LONGEST, among: Iterable[str] = ()) -> str:
+    """A name of at most `most` characters: what is too much goes from the middle, as names often differ at their ends.
+
+    If others `among` which it stands would read alike, what they share goes, or they are numbered.
+    """
     if len(name) <= most:
         return name
     end = (most - 1) // 3
-    return f"{name[: most - 1 - end].rstrip()}…{name[len(name) - end :].lstrip()}"
+    cut = f"{name[: most - 1 - end].rstrip()}…{name[len(name) - end :].lstrip()}"
+    alike = sorted({name, *(other for other in among if shortened(other, most) == cut)})
+    if len(alike) == 1:
+        return cut
+    start = _shared(alike)
+    tail = _shared([other[start:][::-1] for other in alike])
+    own = name[start : len(name) - tail]
+    if len(own) > most - 2:
+        number = f" {alike.index(name) + 1}"
+        return shortened(name, most - len(number)) + number
+    return f"{name[: min(start, most - 2 - len(own))].rstrip()}…{own}…"
+
+
+def _shared(names: Sequence[str]) -> int:
+    """Characters with which all of them begin."""
+    return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
 
 
 def vector(values: Sequence[float]) -> str:

@@ -69,7 +69,7 @@ def _velocities(part: Any, found: Comparison, head: str) -> dict[str, Array]:
             at = place - 0.4 + (i + 0.5) * wide
             shown = np.where(np.abs(velocity) > found.still, velocity, 0.0 * velocity)
             axes.bar(at, shown, wide, color=COLOURS[i % len(COLOURS)], label=_label(found, run.name))
-        axes.set_xticks(place, [named(name, 16) for name in found.bodies])
+        axes.set_xticks(place, [named(name, 16, found.bodies) for name in found.bodies])
         axes.set_ylabel(f"$v_{'xyz'[k]}$ (m/s)")
     part.align_ylabels(panels)
     legend(part, panels[0], columns=6)
@@ -81,13 +81,14 @@ def _impulses(part: Any, found: Comparison) -> dict[str, Array]:
     numbers: dict[str, Array] = {}
     runs = [run for run in found if run.impulses]
     pairs = list(dict.fromkeys(pair for run in runs for pair in run.order))
+    names = {name for run in runs for pair in run.impulses for name in run.ends[pair]}
     grid: Array = part.subplots(-(-len(runs) // BESIDE), BESIDE, sharey=True, squeeze=False)
     panels: list[Axes] = list(grid.flat)
     for axes, run in zip(panels, runs, strict=False):
         for pair, points in run.impulses.items():
             k = pairs.index(pair)
             style = {"color": COLOURS[k % len(COLOURS)], "ls": DASHES[k // len(COLOURS) % len(DASHES)]}
-            axes.plot(*points.T, label=seen(paired(run.ends[pair])), lw=1.0, **style)
+            axes.plot(*points.T, label=seen(paired(run.ends[pair], names)), lw=1.0, **style)
             numbers[f"{run.name} {pair} (impact problems)"], numbers[f"{run.name} {pair} (N s)"] = points.T
         axes.set_title(_label(found, run.name), loc="left")
         axes.margins(x=0)

@@ -64,7 +64,7 @@ def phases(result: RunData) -> Chart:
     more = every - len(pairs)
     left = f"{counted(more, 'further pair')} touched for a shorter time" if more else ""
     with styled():
-        labels = [paired(pair) for pair in pairs]
+        labels = [paired(pair, {name for other in pairs for name in other}) for pair in pairs]
         indent = _indent(labels)
         figure, (axes,) = panels(1, 0.9 + 0.26 * len(pairs), headed(result.title, left), indent)
         for status, colour in LOOKS.items():
@@ -151,7 +151,7 @@ def impacts(result: RunData, step: int | None = None) -> Chart:
     strength = {pair: float(along[pairs == pair].sum()) for pair in pairs}
     shown = sorted(strength, key=lambda pair: -strength[pair])[:MOST_PAIRS]
     listed = [pair for pair in dict.fromkeys(pairs) if pair in shown]
-    labels = dict(zip(pairs, map(paired, np.asarray(rows["pair"])), strict=True))
+    of = {" - ".join(pair): pair for pair in np.asarray(rows["pair"]).tolist()}
     status = np.array([STATUS[int(k)] for k in np.asarray(rows["status"])])
     time = np.asarray(rows["time"])
     numbers: dict[str, Array] = {
@@ -167,7 +167,8 @@ def impacts(result: RunData, step: int | None = None) -> Chart:
     first, last = (f"{t:.5g}" for t in (time.min(), time.max()))
     when = first if time.min() == time.max() else f"{first}\u00a0to\u00a0{last}"
     title = headed(result.title, f"impacts of step\u00a0{step}, t\u00a0=\u00a0{when}\u00a0s")
-    names = [labels[pair] for pair in listed]
+    among = {name for pair in listed for name in of[pair]}
+    names = [paired(of[pair], among) for pair in listed]
     if time.min() != time.max():
         problem = 1 + np.unique(np.stack([time, problem]), axis=1, return_inverse=True)[1].ravel()
     discs = Discs(

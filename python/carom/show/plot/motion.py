@@ -115,7 +115,7 @@ def _draw(axes: Axes, time: F64, values: F64, names: list[str]) -> dict[str, F64
         axes.set_ylim(-1, 1)
     if len(names) <= MOST_LINES:
         for i, name in enumerate(names):
-            axes.plot(time, values[:, i], color=COLOURS[i], linestyle=DASHES[i % 2], label=entry(name))
+            axes.plot(time, values[:, i], color=COLOURS[i], linestyle=DASHES[i % 2], label=entry(name, names))
         return {name: values[:, i] for i, name in enumerate(names)}
     least, low, middle, high, most = values.T
     axes.fill_between(

@@ -6,7 +6,7 @@ import io
 import re
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -102,14 +102,14 @@ def literal(text: str) -> str:
     return text.replace("$", "\\$")
 
 
-def named(name: str, most: int = LONGEST) -> str:
-    """The name of a ball, a wall or a pair of them as a label, shortened if it is very long."""
-    return literal(shortened(name, most))
+def named(name: str, most: int = LONGEST, among: Iterable[str] = ()) -> str:
+    """The name of a ball, a wall or a pair of them as a label, shortened if it is very long, unlike others `among` it."""
+    return literal(shortened(name, most, among))
 
 
-def entry(name: str) -> str:
+def entry(name: str, among: Iterable[str] = ()) -> str:
     """The same as an entry of a legend."""
-    return seen(named(name))
+    return seen(named(name, among=among))
 
 
 def seen(label: str) -> str:
@@ -117,9 +117,9 @@ def seen(label: str) -> str:
     return f"{SEEN}{label}" if label.startswith("_") else label
 
 
-def paired(names: Sequence[str]) -> str:
+def paired(names: Sequence[str], among: Iterable[str] = ()) -> str:
     """Two names as the label of a row, or with `seen` as an entry of a legend."""
-    return " - ".join(named(name, 18 if width() > 5 else 10) for name in names)
+    return " - ".join(named(name, 18 if width() > 5 else 10, among) for name in names)
 
 
 def headed(title: str, *said: str) -> str:

@@ -63,7 +63,7 @@ def trajectories(result: RunData, bodies: Sequence[str] | None = None) -> Chart:
         for i, name in enumerate(names if shape is None else ()):
             colour = COLOURS[i] if few else COLOURS[0]
             look: dict[str, Any] = (
-                {"label": entry(name), "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
+                {"label": entry(name, names), "linestyle": DASHES[i % 2]} if few else {"alpha": 0.5}
             )
             axes.plot(*place[:, i].T, color=colour, linewidth=1.0 if few else 0.4, zorder=3, **look)
             _ends(axes, place[:, i], float(radius[i]), colour)
