@@ -94,7 +94,7 @@ class Formulas:
 
     @classmethod
     def read(cls, path: Path, bodies: Sequence[str]) -> Formulas:
-        """A TOML file with a table for each sphere, whose components are numbers or formulas of t ("=" in front is optional).
+        """A TOML file with a table for each sphere, whose components are numbers or formulas of t ("=" in front or not).
 
         [parameters]            # optional: numbers, or formulas of those above
         g = 9.8
