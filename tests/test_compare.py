@@ -428,3 +428,13 @@ def test_times_may_have_units() -> None:
     code, out, _ = command(str(THREE), "--methods", "nsga,moreau", "--at", "10 ms,.005", "--json")
     assert code == 0
     assert json.loads(out)["times"] == pytest.approx([0.005, 0.01, 0.02])
+
+
+@pytest.mark.parametrize(("slow", "shown"), [(0.0, [0]), (2e-8, [0]), (1e-4, [0, 1])])
+def test_what_solvers_leave_of_a_component_has_no_panel(slow: float, shown: list[int]) -> None:
+    """1e-8 of the speed across the flight was drawn as large as the flight."""
+    scene = carom.Scene("flight", gravity=(0, 0, 0), run={"until": 0.01, "step": 1e-3})
+    scene.sphere("a", radius=0.03, mass=0.1, at=(0, 0, 0), velocity=(2, 2 * slow, 0), material="m")
+    found = carom.compare(scene, methods=["nsga", "moreau"])
+    assert found.directions == shown
+    assert len(found.plot().axes) == len(shown)

@@ -53,8 +53,8 @@ NUMBERS = (
 FRAMES = 200
 #: Radii (radii per step) below which a position (velocity) is no size to compare with.
 SMALL = 1e-8
-#: Share of the greatest speed of a run that is rounding.
-STILL = 1e-9
+#: Share of the greatest speed of a run that is rounding, or what solvers leave: no component of this size is shown.
+STILL = 1e-6
 _PROJECTION = "projection"
 
 
@@ -136,7 +136,7 @@ class Comparison:
     remarks: tuple[str, ...] = ()
     """What a reader must know of it: which method was left out, and why."""
     still: float = 0.0
-    """Slower than this, m/s, is at rest: the rounding of the speeds of the first run."""
+    """Slower than this, m/s, is at rest: what solvers and rounding leave of the speeds of the first run."""
 
     def __getitem__(self, method: str) -> MethodRun:
         for run in self.runs:
