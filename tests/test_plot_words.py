@@ -268,7 +268,7 @@ def test_rounding_is_no_speed_in_a_comparison() -> None:
     scene = drop("t", "a").scene.with_options(until=1.0)
     found = carom.compare(scene, ("nsga", "moreau", "penalty"))
     last = np.stack([run.states["velocity"][-1] for run in found])
-    assert 0.0 < np.abs(last).max() < found.still < 1e-8
+    assert 0.0 < np.abs(last).max() < 1e-8 < found.still < 1e-6
     assert found.directions == [0]
     heights = [bar.get_height() for bar in found.plot().axes[0].patches]
     assert heights == [0.0, 0.0, 0.0]
