@@ -61,3 +61,27 @@ def test_the_solution_that_the_safeguard_looked_at_is_the_one_that_is_taken() ->
     rises = simulation.monitors()["energy"]["rises"]
     assert simulation.advance(1, 0, False, 1e9)["outcome"] is None
     assert simulation.monitors()["energy"]["rises"] == rises
+
+
+@pytest.mark.parametrize("law", ["sequence", "one-shot"])
+@pytest.mark.parametrize("mu", [1.5, 1.7, 1.75, 2.0, 2.5, 5.0])
+@pytest.mark.parametrize("held", ["line", "rod"])
+def test_a_ball_that_its_guide_wedges_stops(held: str, mu: float, law: str) -> None:
+    """It comes 30 degrees off the normal. Above mu = tan 60 the cone of friction holds the guide's direction, and no impulse gives a
+    rebound. Forces without bound were one, of 7e10 N s."""
+    r, way = 0.01, np.array([0.5, 0.0, -(0.75**0.5)])
+    scene = carom.Scene("guided", gravity=(0, 0, 0))
+    scene.contact("ball", "floor", friction=mu, restitution=0.6)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    scene.sphere("ball", radius=r, mass=0.1, material="ball", position=(0, 0, r), velocity=way)
+    if held == "line":
+        scene.joint("line", body="ball", direction=way)
+    else:
+        scene.joint("rod", between=["ball", "ground"], points=[(0, 0, r), (0.1 * 0.75**0.5, 0, r + 0.05)])
+    scene.joint("lock", body="ball")
+    result = carom.simulate(scene, step=1e-6, until=3e-6, impact=law)
+    wedged = mu > 3.0**0.5
+    assert (result.summary["fallbacks"] > 0) == wedged
+    below(1e-4, "speed along the guide, m/s", abs(result.velocity[-1][0] @ way + (0.0 if wedged else 0.6)))
+    normal = 0.1 * (0.75**-0.5 if wedged else 1.6 / (0.75**0.5 - 0.5 * mu))
+    below(1.01 * normal, "normal impulse, N s", np.asarray(result.impacts.impulse)[:, 2])

@@ -350,8 +350,9 @@ impl Newton {
         }
         self.at
             .project(system.contacts.iter().map(RowContact::group), lambda);
-        let (mut rr, mut pp, mut ll) = (0.0, 0.0, 0.0);
+        let (mut rr, mut pp, mut ll, mut moved) = (0.0, 0.0, 0.0, 0.0);
         for c in &system.contacts {
+            moved += c.least * c.least;
             let translational = (c.row + c.translational) as usize;
             for row in c.rows() {
                 let scale = if row < translational {
@@ -363,6 +364,8 @@ impl Newton {
                 rr += (scale * r) * (scale * r);
                 pp += (scale * phi) * (scale * phi);
                 ll += (scale * l) * (scale * l);
+                let pz = scale * self.at.penalty[row] * self.at.z[row];
+                moved += pz * pz;
             }
         }
         system.momentum(&self.at.phi, &mut self.force);
@@ -374,6 +377,8 @@ impl Newton {
                 let (mass, scale) = if k < 3 { (m, 1.0) } else { (i, turn) };
                 let a = scale * mass * u[NODE_DOF * node + k];
                 let b = scale * self.force[NODE_DOF * node + k];
+                let load = system.load.get(NODE_DOF * node + k);
+                moved += load.map_or(0.0, |load| (scale * load).powi(2));
                 inertia += a * a;
                 force += b * b;
                 rr += (a - b) * (a - b);
@@ -382,6 +387,7 @@ impl Newton {
         Terms {
             residual: rr.sqrt(),
             terms: inertia.sqrt() + force.sqrt() + pp.sqrt() + ll.sqrt(),
+            motion: inertia.sqrt() + moved.sqrt(),
         }
     }
 

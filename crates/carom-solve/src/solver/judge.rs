@@ -1,14 +1,9 @@
 //! What all solvers share: when to stop, the trait, and the judge that keeps the best iterate.
 
+use crate::judge::{EXPLAINED, RUNAWAY};
 use crate::problem::{natural, Problem, Scaled};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-
-/// Where contacts cannot be kept apart, forces without bound make `err` as small as one likes, and so does friction without bound. Where they are, scaled, this
-/// many times the velocities, the natural map must come below the second number over velocities alone, and stands for
-/// `err` until then. Whatever the forces, velocities that close must come below it, or below the root of the tolerance: they stay where there is no solution.
-const RUNAWAY: f64 = 1e3;
-const EXPLAINED: f64 = 1e-3;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -158,6 +153,7 @@ impl<'a> Judge<'a> {
         self.scaled.leave(y, &mut self.r);
         let given = natural::residual(self.source, &self.r, &mut self.u);
         let (tolerance, share) = (self.settings.tolerance, map.max(closing));
+        // Whatever the forces, velocities that close stay where there is no solution.
         let ran_away = share > EXPLAINED && share > RUNAWAY * scaled
             || scaled <= tolerance && closing > EXPLAINED.max(tolerance.sqrt());
         // No tolerance takes those that ran away.

@@ -75,7 +75,12 @@ impl Goal {
     /// `|r| / (sum |r_k| + tol_f)`.
     pub fn relative(&self, norms: &Norms) -> f64 {
         let (residual, terms) = (norms.residual, norms.terms + self.scale);
-        Terms { residual, terms }.relative(self.floor / self.tolerance, true)
+        Terms {
+            residual,
+            terms,
+            motion: terms,
+        }
+        .relative(self.floor / self.tolerance, true)
     }
 
     /// What the worst contact may be left with after so many sweeps.
