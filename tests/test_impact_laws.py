@@ -26,6 +26,7 @@ from typer.testing import CliRunner
 ROOT = Path(__file__).parent.parent
 
 LAW = pytest.mark.parametrize("law", LAWS)
+LAW_OF_SPEED: dict[str, Any] = {"friction": 0.0, "restitution": {"table": [[0, 1], [1, 0.5], [2, 0]]}}
 
 
 def balls(mu: float, e: float, law: str, *, e_t: float = 0.0) -> carom.Scene:
@@ -141,6 +142,64 @@ def test_the_auditor_accepts_its_runs(law: str, tmp_path: Path) -> None:
 
 
 # ---------------------------------------------------------------------------------------------- other laws than Newton's
+
+
+def dumbbell(kind: str, tilt: float = 0.0, /, **contact: Any) -> carom.Scene:
+    """Two balls as one body that lands on a floor: tied by joints, or a clump of the same mass and inertia."""
+    r, m, v, w = 0.01, 0.1, np.array([0.3, 0.1, -1.0]), np.array([5.0, 3.0, 1.0])
+    scene, arm = carom.Scene(gravity=(0, 0, 0)), r * np.array([np.cos(tilt), 0, np.sin(tilt)])
+    centre = np.array([0, 0, r + abs(arm[2]) + 1e-12])
+    for other in ("floor", "ball"):
+        scene.contact("ball", other, **contact)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    if kind == "clump":
+        spheres, own = [[-r, 0, 0, r], [r, 0, 0, r]], 0.8 * m * r**2
+        turn = (np.cos(tilt / 2), 0, -np.sin(tilt / 2), 0)
+        moments = {
+            "inertia": [own, own + 2 * m * r**2, own + 2 * m * r**2],
+            "centre": [0, 0, 0],
+            "mass": 2 * m,
+        }
+        motion = {"position": centre, "orientation": turn, "velocity": v, "angular_velocity": w}
+        scene.clump("a", spheres=spheres, material="ball", **moments, **motion)
+        return scene
+    for name, x in (("a", arm), ("b", -arm)):
+        motion = {"position": centre + x, "velocity": v + np.cross(w, x), "angular_velocity": w}
+        scene.sphere(name, radius=r, mass=m, material="ball", **motion)
+    scene.joint("ball", between=["a", "b"], point=centre)
+    scene.joint("lock", between=["a", "b"])
+    return scene
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+@pytest.mark.parametrize(
+    "contact", [{"friction": 0.3, "tangential_restitution": 0.3, "restitution": 0.6}, LAW_OF_SPEED]
+)
+def test_balls_that_joints_make_one_body_rebound_by_poissons_law_as_a_clump(
+    contact: dict[str, Any], tilt: float
+) -> None:
+    """Inverse masses of e_N(v) and e_T are those that joints leave."""
+    runs = [
+        simulated(dumbbell(kind, tilt, **contact), step=1e-6, until=3e-6, impact="poisson")
+        for kind in ("clump", "tied")
+    ]
+    clump, tied = (run.velocity[-1].mean(axis=0) for run in runs)
+    assert np.abs(clump - tied).max() < 1e-6
+
+
+@pytest.mark.parametrize("law", ["sequence", "one-shot", "poisson", "compliant", "binary"])
+@pytest.mark.parametrize("angle", [0.0, 30.0, 45.0, 60.0])
+def test_a_ball_on_a_line_has_the_restitution_of_its_approach(law: str, angle: float) -> None:
+    a = np.radians(angle)
+    way = np.array([np.sin(a), 0, -np.cos(a)])
+    scene = carom.Scene(gravity=(0, 0, 0))
+    scene.contact("ball", "floor", **LAW_OF_SPEED)
+    scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+    scene.sphere("ball", radius=0.01, mass=0.1, material="ball", position=(0, 0, 0.01), velocity=way)
+    scene.joint("line", body="ball", direction=way)
+    scene.joint("lock", body="ball")
+    result = simulated(scene, step=1e-6, until=3e-6, impact=law)
+    assert result.velocity[-1][0] @ way == pytest.approx(-(1 - 0.5 * np.cos(a)), abs=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -16,12 +16,7 @@ SWEEPS, SETTLED = 100, 1e-13
 
 def spring_impulses(island: Island) -> F64:
     """Impulses (m,) from the velocities before the step; of contacts, which joints answer."""
-    lay, gradient, gaps = island.layout, island.gradient, island.model.options.impact != "binary"
-    # of joints, which keep what they do, only what they leave is there
-    held = gradient[lay.joint_rows]
-    coupling = gradient @ (gradient / lay.mass).T
-    across = coupling[:, lay.joint_rows]
-    coupling -= across @ np.linalg.pinv((held / lay.mass) @ held.T, rcond=1e-12, hermitian=True) @ across.T
+    lay, gaps, coupling = island.layout, island.model.options.impact != "binary", island.reduced()
     inverse = np.diag(coupling)
     start = list(lay.start)
     radii = island.model.radius
@@ -37,7 +32,7 @@ def spring_impulses(island: Island) -> F64:
         float(np.linalg.eigvalsh(coupling[n + 1 : n + 3, n + 1 : n + 3])[-1]) if e.slides else 0.0
         for e, n in zip(island.elements, start, strict=True)
     ]
-    z, impulses = gradient @ island.u_n, np.zeros(lay.rows)
+    z, impulses = island.gradient @ island.u_n, np.zeros(lay.rows)
     z[lay.joint_rows] = 0.0
     depth, top = [0.0] * len(start), [0.0] * len(start)
     least = CLOSING * max(0.0, *(-z[n] for n in start))

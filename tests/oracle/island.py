@@ -208,10 +208,17 @@ class Island:
         offset[rows] = -self.gradient[rows] @ self.u_n
         return offset
 
+    def reduced(self) -> F64:
+        """G M^-1 G^T (m, m) where joints keep what they do: what they leave of it."""
+        joints, coupling = self.layout.joint_rows, self.gradient @ (self.gradient / self.layout.mass).T
+        across, held = coupling[:, joints], coupling[joints, joints]
+        return np.asarray(coupling - across @ np.linalg.pinv(held, rcond=1e-12, hermitian=True) @ across.T)
+
     def expansion(self, compressed: F64) -> tuple[F64, F64]:
         """Of impulses of compression (m,): least normal impulses of expansion (n,), and the offset of z (m,)."""
         least, offset = np.zeros(len(self.elements)), self.plastic.copy()
-        inverse = np.einsum("ij,ij->i", self.gradient, self.gradient / self.layout.mass)
+        coupling = self.reduced()
+        inverse = np.diag(coupling)
         for i, e in enumerate(self.elements):
             n, law = self.layout.start[i], e.pair.law
             speed = compressed[n] * inverse[n]
@@ -219,7 +226,7 @@ class Island:
                 least[i] = law.rebound(speed) * compressed[n]
             if e.slides:
                 rows = slice(n + 1, n + 3)
-                offset[rows] = -law.tangential_restitution * inverse[rows] * compressed[rows]
+                offset[rows] = -law.tangential_restitution * coupling[rows, rows] @ compressed[rows]
         return least, offset
 
     def offset(self, u_minus: F64, tolerance: F64, paper: bool) -> F64:

@@ -76,6 +76,15 @@ impl Reduced {
         }
     }
 
+    /// Inverse masses of both rows of friction of a contact: of the first, between both, of the second.
+    pub fn friction(&self, system: &RowSystem, c: &RowContact) -> [f64; 3] {
+        let rows = [c.row as usize + 1, c.row as usize + 2];
+        let [Some(x), Some(y)] = rows.map(|row| self.response.get(row)) else {
+            return system.inverse_masses(c, rows);
+        };
+        [(0, x), (0, y), (1, y)].map(|(k, u)| system.row_velocity(c, rows[k], u))
+    }
+
     /// Velocities `u` after an impulse in a row of a contact.
     pub fn push(
         &self,

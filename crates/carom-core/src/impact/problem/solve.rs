@@ -7,6 +7,7 @@ use crate::impact::coupled::CoupledVelocities;
 use crate::impact::course::Courses;
 use crate::impact::law::{expansion, Law};
 use crate::impact::memory::ImpactScratch;
+use crate::impact::reduced::Reduced;
 use crate::level::coupling::Trial;
 use crate::level::speeds::closing_left;
 use crate::level::{newton_options, worst_group};
@@ -95,15 +96,16 @@ impl ImpactScratch {
         self.expansion.clear();
         self.expansion.resize(self.full.rows(), 0.0);
         let mut expands = false;
+        let reduced = Reduced::new(&self.sub, self.chosen.len());
         for (&slot, c) in self.chosen.iter().zip(&self.sub.contacts) {
             let material = on.scratch.contacts[self.members[slot] as usize].law(model);
             let (from, to) = (c.row as usize, self.full.contacts[slot].row as usize);
-            let inverse = self.sub.diag[from];
+            let inverse = reduced.inverse[from];
             let [least, across] = expansion(material, self.lambda[from], inverse, &model.options);
             self.expansion[to] = least;
             if c.bounds.sliding > 0.0 {
-                // A clump resists differently along both tangents, and not along each by itself.
-                let [w1, w12, w2] = self.sub.inverse_masses(c, [from + 1, from + 2]);
+                // Clumps and joints resist differently along both tangents, and not along each by itself.
+                let [w1, w12, w2] = reduced.friction(&self.sub, c);
                 let [l1, l2] = [self.lambda[from + 1], self.lambda[from + 2]];
                 self.expansion[to + 1] = across * (w1 * l1 + w12 * l2);
                 self.expansion[to + 2] = across * (w12 * l1 + w2 * l2);
