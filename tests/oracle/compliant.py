@@ -16,7 +16,8 @@ SWEEPS, SETTLED = 100, 1e-13
 
 def spring_impulses(island: Island) -> F64:
     """Impulses (m,) from the velocities before the step; of contacts, which joints answer."""
-    lay, gaps, coupling = island.layout, island.model.options.impact != "binary", island.reduced()
+    lay, gaps = island.layout, island.model.options.impact != "binary"
+    coupling, z = island.reduced()
     inverse = np.diag(coupling)
     start = list(lay.start)
     radii = island.model.radius
@@ -32,8 +33,7 @@ def spring_impulses(island: Island) -> F64:
         float(np.linalg.eigvalsh(coupling[n + 1 : n + 3, n + 1 : n + 3])[-1]) if e.slides else 0.0
         for e, n in zip(island.elements, start, strict=True)
     ]
-    z, impulses = island.gradient @ island.u_n, np.zeros(lay.rows)
-    z[lay.joint_rows] = 0.0
+    impulses = np.zeros(lay.rows)
     depth, top = [0.0] * len(start), [0.0] * len(start)
     least = CLOSING * max(0.0, *(-z[n] for n in start))
 

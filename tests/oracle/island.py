@@ -75,6 +75,8 @@ class Bonds:
     """G of the joints (m, 6N) at q_{n+1}."""
     rates: F64
     """c'(t_{n+1}) (m,)."""
+    old_rates: F64
+    """c'(t_n) (m,)."""
     change: F64
     """h f_v of eq. 4 (6N,) at v_check: what the correction of the positions alone changes."""
     damping: F64
@@ -91,7 +93,8 @@ class Bonds:
         now = applied_force(model.following, pose, free.u_check, free.time)
         change, damping = h * (now.force - before.force), h * now.by_velocity
         gradient = JointsAt(group.joints, pose).gradient
-        return Bonds(group, gradient, rates(group.joints, free.time), change, damping, before.parts)
+        prescribed = [rates(group.joints, time) for time in (free.time, free.time - h)]
+        return Bonds(group, gradient, *prescribed, change, damping, before.parts)
 
 
 class Island:
@@ -116,9 +119,12 @@ class Island:
             self.gradient[row, columns] = normal_row(e.pair, gap_and_normal(model, e.pair, x_new)[1])
         self.plastic = np.zeros(lay.rows)
         """Offset of z without restitution (m,): what the joints prescribe."""
+        self.plastic_before = np.zeros(lay.rows)
+        """The same at t_n."""
         if bonds:
             self.gradient[lay.joint_rows] = self.gradient_n[lay.joint_rows] = bonds.gradient[:, lay.dofs]
             self.plastic[lay.joint_rows] = -bonds.rates
+            self.plastic_before[lay.joint_rows] = -bonds.old_rates
         self.normal_rows = lay.start
         radius = model.radius[lay.bodies]
         before, free = self.u_n.reshape(-1, 6), self.u_check.reshape(-1, 6)
@@ -197,27 +203,22 @@ class Island:
         """Poisson's law: impulses (m,) without restitution from the velocities before the step, where nothing else acts."""
         every = list(range(len(self.elements)))
         problem = VelocityProblem(
-            self.layout, self.gradient, self.u_n, self._homogeneous(), np.zeros(len(self.u_n)), self.floor
+            self.layout, self.gradient, self.u_n, self.plastic_before, np.zeros(len(self.u_n)), self.floor
         )
         found = solve(problem, np.zeros(len(self.u_n)), self.model.options, f"compression, contacts {every}")
         return found.multipliers
 
-    def _homogeneous(self) -> F64:
-        """Offset (m,) with which joints keep what they do before the step."""
-        offset, rows = np.zeros(self.layout.rows), self.layout.joint_rows
-        offset[rows] = -self.gradient[rows] @ self.u_n
-        return offset
-
-    def reduced(self) -> F64:
-        """G M^-1 G^T (m, m) where joints keep what they do: what they leave of it."""
+    def reduced(self) -> tuple[F64, F64]:
+        """What joints leave of G M^-1 G^T (m, m), and of the measures before the step (m,)."""
         joints, coupling = self.layout.joint_rows, self.gradient @ (self.gradient / self.layout.mass).T
-        across, held = coupling[:, joints], coupling[joints, joints]
-        return np.asarray(coupling - across @ np.linalg.pinv(held, rcond=1e-12, hermitian=True) @ across.T)
+        measures = self.gradient @ self.u_n + self.plastic_before
+        share = coupling[:, joints] @ np.linalg.pinv(coupling[joints, joints], rcond=1e-12, hermitian=True)
+        return coupling - share @ coupling[joints], measures - share @ measures[joints]
 
     def expansion(self, compressed: F64) -> tuple[F64, F64]:
         """Of impulses of compression (m,): least normal impulses of expansion (n,), and the offset of z (m,)."""
         least, offset = np.zeros(len(self.elements)), self.plastic.copy()
-        coupling = self.reduced()
+        coupling, _ = self.reduced()
         inverse = np.diag(coupling)
         for i, e in enumerate(self.elements):
             n, law = self.layout.start[i], e.pair.law

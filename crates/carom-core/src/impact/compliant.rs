@@ -115,7 +115,7 @@ pub fn impulses(
         top: vec![0.0; contacts.len()],
         given: vec![[0.0; 3]; contacts.len()],
     };
-    let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -system.z0[c.row as usize]));
+    let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -at.reduced.free[c.row as usize]));
     let least = CLOSING * speed;
     let ([mut given, mut left], mut unsettled) = ([0.0; 2], 0);
     for k in 0..MOST_STEPS {
@@ -168,7 +168,7 @@ impl Springs<'_> {
     fn measure(&self, i: usize, r: usize) -> f64 {
         let c = &self.system.contacts[i];
         let row = c.row as usize + r;
-        self.system.z0[row] + self.system.row_velocity(c, row, &self.u)
+        self.reduced.free[row] + self.system.row_velocity(c, row, &self.u)
     }
 
     /// How long a step a contact admits that is compressed or closes, by the speed that it has, and would have without its spring; others any.

@@ -81,7 +81,7 @@ impl ImpactScratch {
         self.loads.clear();
         self.loads.extend_from_slice(island.loads);
         self.linked.clear();
-        self.rates.clear();
+        self.rates.iter_mut().for_each(Vec::clear);
         self.load_base.clear();
         if island.is_free() {
             return;
@@ -119,9 +119,11 @@ impl ImpactScratch {
             let dim = joint.gradient_at(&trial.poses(joint), &mut rows);
             (scratch.clumps).scale_rows(model, [joint.a, joint.b], &mut rows[..dim]);
             let node = |body: u32| solve.node_of.get(body as usize).copied().unwrap_or(WORLD);
-            let mut rates = [0.0; 6];
-            joint.rates(end, &mut rates);
-            self.rates.extend_from_slice(&rates[..dim]);
+            for (all, time) in self.rates.iter_mut().zip([self.span.start, end]) {
+                let mut rates = [0.0; 6];
+                joint.rates(time, &mut rates);
+                all.extend_from_slice(&rates[..dim]);
+            }
             let nodes = (node(joint.a), node(joint.b));
             let zeros = [0.0; 6];
             self.full.push_joint(
@@ -137,8 +139,8 @@ impl ImpactScratch {
         }
     }
 
-    /// Rows of the joints, and room for the loads, behind the contacts of a problem.
-    pub(super) fn add_joints(&self, sub: &mut RowSystem) {
+    /// Rows of the joints, and room for the loads, behind the contacts of a problem. What joints prescribe is that of t_n (0) or t_{n+1} (1).
+    pub(super) fn add_joints(&self, sub: &mut RowSystem, end: usize) {
         let first = self.first_joint_row();
         for c in &self.full.contacts[self.members.len()..] {
             let rows = c.rows();
@@ -146,7 +148,7 @@ impl ImpactScratch {
             sub.jac.extend_from_slice(&self.acting()[rows.clone()]);
             sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
             sub.z0.extend(
-                rows.map(|r| self.full.row_velocity(c, r, &self.velocity) - self.rates[r - first]),
+                rows.map(|r| self.full.row_velocity(c, r, &self.velocity) - self.rates[end][r - first]),
             );
             sub.contacts
                 .push(carom_solve::rows::RowContact { row, ..*c });

@@ -19,8 +19,8 @@ pub struct ImpactScratch {
     pub(super) linked: Vec<[u32; 2]>,
     /// t_n and t_{n+1}.
     pub span: Span,
-    /// `c'(t_{n+1})` of the joint rows, in the order of `full`.
-    pub(super) rates: Vec<f64>,
+    /// `c'` of the joint rows at t_n and t_{n+1}, in the order of `full`.
+    pub(super) rates: [Vec<f64>; 2],
     /// Jump of stage J; wrench of the loads it is counted from, and impulse of their change since (6 per node).
     pub(super) settled: Vec<f64>,
     pub(super) settled_joint: Vec<f64>,

@@ -1,5 +1,6 @@
 //! Rows of contacts where joints keep what they do: what joints leave of `M^-1 G^T`.
 //!
+//! What the velocities before the impact break of them is taken away: by it slips of one body's contacts would contradict one another.
 //! With `y = M^-1/2 G^T` of a row, joints leave the part of it that is orthogonal to theirs. Gram and Schmidt's basis needs no factor of a matrix that
 //! redundant joints make singular.
 
@@ -17,6 +18,8 @@ pub struct Reduced {
     response: Vec<Vec<f64>>,
     /// Inverse mass; of the rows of friction the largest one of their plane.
     pub inverse: Vec<f64>,
+    /// Measures before impulses.
+    pub free: Vec<f64>,
 }
 
 impl Reduced {
@@ -26,6 +29,7 @@ impl Reduced {
         let mut found = Reduced {
             response: Vec::new(),
             inverse: system.diag.clone(),
+            free: system.z0.clone(),
         };
         if joints.is_empty() {
             for c in contacts.iter().filter(|c| c.bounds.sliding > 0.0) {
@@ -34,21 +38,22 @@ impl Reduced {
             return found;
         }
         let root = root_of_inverse_mass(system);
-        let mut basis: Vec<Vec<f64>> = Vec::new();
+        let mut basis: Vec<(Vec<f64>, f64)> = Vec::new();
         for c in joints {
             for row in c.rows() {
-                if let Some(mut y) = left(system, c, row, &root, &basis) {
-                    let size = dot(&y, &y).sqrt();
+                let (mut y, z) = left(system, c, row, &root, &basis);
+                let size = dot(&y, &y).sqrt();
+                if size > 0.0 {
                     y.iter_mut().for_each(|y| *y /= size);
-                    basis.push(y);
+                    basis.push((y, z / size));
                 }
             }
         }
         for c in contacts {
             let first = found.response.len();
             for row in c.rows() {
-                let y = left(system, c, row, &root, &basis);
-                let y = y.unwrap_or_else(|| vec![0.0; root.len()]);
+                let (y, z) = left(system, c, row, &root, &basis);
+                found.free[row] = z;
                 found.inverse[row] = dot(&y, &y);
                 found.response.push(y);
             }
@@ -109,26 +114,30 @@ fn root_of_inverse_mass(system: &RowSystem) -> Vec<f64> {
     nodes.flat_map(of_node).collect()
 }
 
-/// The part of `M^-1/2 G^T` of a row that is orthogonal to a basis; nothing where rounding is all of it.
+/// The part of `M^-1/2 G^T` of a row that is orthogonal to a basis, 0 where rounding is all of it, and its measure.
 fn left(
     system: &RowSystem,
     c: &RowContact,
     row: usize,
     root: &[f64],
-    basis: &[Vec<f64>],
-) -> Option<Vec<f64>> {
-    let mut y = vec![0.0; root.len()];
+    basis: &[(Vec<f64>, f64)],
+) -> (Vec<f64>, f64) {
+    let (mut y, mut z) = (vec![0.0; root.len()], system.z0[row]);
     system.push_row(c, row, 1.0, &mut y);
     for (y, root) in y.iter_mut().zip(root) {
         *y = if *root > 0.0 { *y / root } else { 0.0 };
     }
     let whole = dot(&y, &y).sqrt();
     // Twice: the first pass leaves rounding of the whole.
-    for q in basis.iter().chain(basis) {
+    for (q, of_q) in basis.iter().chain(basis) {
         let part = dot(&y, q);
         y.iter_mut().zip(q).for_each(|(y, q)| *y -= part * q);
+        z -= part * of_q;
     }
-    (dot(&y, &y).sqrt() > HELD * whole).then_some(y)
+    if dot(&y, &y).sqrt() <= HELD * whole {
+        y.fill(0.0);
+    }
+    (y, z)
 }
 
 fn dot(x: &[f64], y: &[f64]) -> f64 {

@@ -297,13 +297,7 @@ impl ImpactScratch {
                 }
             }
         }
-        self.add_joints(&mut sub);
-        if law == Law::Compression {
-            // Joints keep what they do before the step.
-            for c in &sub.contacts[self.chosen.len()..] {
-                sub.z0[c.rows()].fill(0.0);
-            }
-        }
+        self.add_joints(&mut sub, usize::from(law != Law::Compression));
         self.measured.clear();
         if self.along_middle {
             let joints = self.members.len()..self.full.contacts.len();
