@@ -192,8 +192,8 @@ def test_balls_that_joints_make_one_body_rebound_by_poissons_law_as_a_clump(
 @pytest.mark.parametrize("law", ["poisson", "compliant", "binary"])
 @pytest.mark.parametrize("seed", range(6))
 def test_balls_that_joints_make_one_body_land_flat_as_a_clump(law: str, seed: int) -> None:
-    """Slips of both balls along the line of centres are one. By what a step breaks of joints they were not, and friction never
-    settled: no rebound."""
+    """Slips of both balls along the line of centres are one. By what a step breaks of joints they were not, and friction
+    never settled: no rebound."""
     rng = np.random.default_rng(seed)
     motion = {"v": np.array([*rng.uniform(-0.3, 0.3, 2), -1.0]), "w": rng.uniform(-5, 5, 3)}
     contact = {"friction": 0.3, "restitution": 0.6}

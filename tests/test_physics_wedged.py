@@ -67,8 +67,8 @@ def test_the_solution_that_the_safeguard_looked_at_is_the_one_that_is_taken() ->
 @pytest.mark.parametrize("mu", [1.5, 1.7, 1.75, 2.0, 2.5, 5.0])
 @pytest.mark.parametrize("held", ["line", "rod"])
 def test_a_ball_that_its_guide_wedges_stops(held: str, mu: float, law: str) -> None:
-    """It comes 30 degrees off the normal. Above mu = tan 60 the cone of friction holds the guide's direction, and no impulse gives a
-    rebound. Forces without bound were one, of 7e10 N s."""
+    """It comes 30 degrees off the normal. Above mu = tan 60 the cone of friction holds the guide's direction, and no
+    impulse gives a rebound. Forces without bound were one, of 7e10 N s."""
     r, way = 0.01, np.array([0.5, 0.0, -(0.75**0.5)])
     scene = carom.Scene("guided", gravity=(0, 0, 0))
     scene.contact("ball", "floor", friction=mu, restitution=0.6)

@@ -147,9 +147,9 @@ impl ImpactScratch {
             let row = sub.jac.len() as u32;
             sub.jac.extend_from_slice(&self.acting()[rows.clone()]);
             sub.diag.extend_from_slice(&self.full.diag[rows.clone()]);
-            sub.z0.extend(
-                rows.map(|r| self.full.row_velocity(c, r, &self.velocity) - self.rates[end][r - first]),
-            );
+            sub.z0.extend(rows.map(|r| {
+                self.full.row_velocity(c, r, &self.velocity) - self.rates[end][r - first]
+            }));
             sub.contacts
                 .push(carom_solve::rows::RowContact { row, ..*c });
         }
