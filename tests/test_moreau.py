@@ -236,6 +236,20 @@ def test_what_slides_over_a_ball_keeps_its_contact(impact: str) -> None:
         assert run.summary["energy"]["max_rise"] == 0.0
 
 
+@pytest.mark.parametrize("force", [0.0, 2.0, 20.0])
+def test_what_is_pushed_along_a_floor_does_not_hover(force: float) -> None:
+    """A gap that rest leaves is that of the weight, 5 micrometres at 1 ms, whatever acts along the floor."""
+    scene = Scene(gravity=(0, 0, -9.8))
+    scene.contact("b", "f", friction=0.2, restitution=0.5)
+    scene.plane("f", point=(0, 0, 0), normal=(0, 0, 1), material="f")
+    scene.sphere("b", radius=0.01, mass=0.01, material="b", position=(0, 0, 0.02))
+    scene.load("b", force=(force, 0, 0))
+    run = carom.simulate(scene, step=1e-3, until=0.4, method="moreau")
+    gap = run.position[-1, 0, 2] - 0.01
+    assert -2e-5 < gap <= 0.5 * 9.8e-6 + 1e-9
+    assert gap == pytest.approx(run.position[-20, 0, 2] - 0.01, abs=1e-9)
+
+
 @pytest.mark.parametrize(("theta", "order"), [(0.5, 2.0), (1.0, 1.0)])
 def test_loads_are_weighted_by_theta(theta: float, order: float) -> None:
     """A spring against the exact oscillation: order 2 with the mean of old and new, 1 otherwise."""

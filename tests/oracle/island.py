@@ -93,8 +93,8 @@ class Bonds:
         now = applied_force(model.following, pose, free.u_check, free.time)
         change, damping = h * (now.force - before.force), h * now.by_velocity
         gradient = JointsAt(group.joints, pose).gradient
-        prescribed = [rates(group.joints, time) for time in (free.time, free.time - h)]
-        return Bonds(group, gradient, *prescribed, change, damping, before.parts)
+        new, old = (rates(group.joints, time) for time in (free.time, free.time - h))
+        return Bonds(group, gradient, new, old, change, damping, before.parts)
 
 
 class Island:

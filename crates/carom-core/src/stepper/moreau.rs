@@ -165,8 +165,19 @@ fn meet(model: &Model, state: &State, scratch: &mut Scratch, h: f64) -> Result<(
     candidates::near_pairs(model, state, walls, position, pairs, margin, &mut found)?;
     for near in &found {
         let mut c = candidates::contact(model, state, walls, near)?;
-        let meets = near.gap <= model.options.touching_tolerance * c.length;
-        if !meets && !loads_once::brought(model, state, walls, &scratch.linear, &c, h) {
+        let touching = model.options.touching_tolerance * c.length;
+        let linear = &scratch.linear;
+        // Nothing closes later what they bring near: no further than what presses one body to the other.
+        let pressed = [(c.a as usize, -1.0), (c.b as usize, 1.0)].map(|(i, sign)| match i {
+            i if i < model.bodies() => sign * c.n0.dot(linear[i].velocity - state.velocity[i]),
+            _ => 0.0,
+        });
+        let reach = touching + 0.5 * h * pressed[0].max(pressed[1]);
+        let is_brought = || {
+            loads_once::brought(model, state, walls, linear, &c, h)
+                && (model.options.position_projection || near.gap <= reach)
+        };
+        if near.gap > touching && !is_brought() {
             continue;
         }
         c.closed = true;
