@@ -688,6 +688,10 @@ CALLED: dict[str, tuple[str, Callable[[], Any]]] = {
         "name",
         lambda: [s.load_function(_force, name="f") for s in [_scene()] for _ in range(2)],
     ),
+    "a formula of ... stands by itself, found ...": (
+        "friction",
+        lambda: _scene().contact("a", "b", friction="= 0.3", restitution=0),
+    ),
     "expected a number or a law, found a function": (
         "friction",
         lambda: _scene().contact("a", "b", friction=_force, restitution=0),  # type: ignore[arg-type]

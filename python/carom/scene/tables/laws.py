@@ -97,7 +97,7 @@ class Law(Checked):
         if not isinstance(value, str) or value.lstrip().startswith("="):
             return False
         rest = units.after_the_number(value)
-        if rest == "":
+        if self.dimension == "number" or rest == "":
             return self.dimension == "number"  # else its unit was forgotten
         with suppress(units.UnitError):
             units.parse(value, self.dimension)
@@ -111,6 +111,9 @@ class Law(Checked):
             if callable(value):
                 cure = "a Python function is a load of its own: scene.load_function(f)"
                 raise refuse("expected a number or a law, found a function", cure) from None
+            if isinstance(value, str) and value.lstrip().startswith("="):
+                cause = f"a formula of {self.variable} stands by itself, found {quoted(value)}"
+                raise refuse(cause, 'leave the "=" out') from None
             if isinstance(value, str | int | float):
                 raise e
             cause = f"expected a number or a law, found {quoted(value)}"
