@@ -110,7 +110,6 @@ impl Run<'_> {
 
     /// A stepped ball is where it is: how it goes on the next step says.
     pub fn stand(&mut self, i: usize, t: f64) {
-        let support = self.support(i).map(|(support, _)| support);
         let state = &*self.state;
         let (v, w) = (state.velocity[i], state.angular_velocity[i]);
         self.events.queue.forget(i);
@@ -118,7 +117,6 @@ impl Run<'_> {
             start: t,
             ends: t,
             mode: Mode::Stepped,
-            support,
             ..Motion::plain([state.position[i], v, DVec3::ZERO], w)
         };
     }
@@ -162,9 +160,6 @@ impl Run<'_> {
         };
         let (contacts, h) = (take(&mut ahead.contacts), ahead.h);
         self.commit(ahead);
-        for i in self.stepped() {
-            self.stand(i, t);
-        }
         let loaded = self.loaded(&contacts, h);
         for group in self.touching(&contacts) {
             if group.iter().any(|&i| loaded[i]) {

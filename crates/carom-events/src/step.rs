@@ -192,8 +192,8 @@ impl Run<'_> {
         self.fastest = self.fastest.max(speed);
     }
 
-    /// What will happen to some balls that set off, in the order of their numbers.
-    pub fn foresee(&mut self, balls: &[usize], now: f64) {
+    /// What predictions are made with from a time on, and what keeps them.
+    fn foresight(&mut self, now: f64) -> (Foresight<'_>, &mut [Near], &mut Queue) {
         let Events {
             motions,
             near,
@@ -208,6 +208,12 @@ impl Run<'_> {
             end: self.span.h,
             fastest: self.fastest,
         };
+        (foresight, near, queue)
+    }
+
+    /// What will happen to some balls that set off, in the order of their numbers.
+    pub fn foresee(&mut self, balls: &[usize], now: f64) {
+        let (foresight, near, queue) = self.foresight(now);
         for &i in balls {
             let motion = &mut foresight.motions[i];
             motion.ends = motion.start + motion.holds;
@@ -223,23 +229,13 @@ impl Run<'_> {
     /// Which others stepped balls will meet: of those that have set off later, from then on.
     pub fn foresee_stepped(&mut self, stepped: &[usize], now: f64) {
         let free = self.free();
-        let Events { motions, queue, .. } = &mut *self.events;
-        let mut asked = vec![false; motions.len()];
+        let (mut foresight, _, queue) = self.foresight(now);
+        let mut asked = vec![false; foresight.motions.len()];
         let (late, early): (Vec<usize>, Vec<_>) =
-            free.iter().partition(|&&i| motions[i].start > now);
-        let mut foresight = Foresight {
-            model: self.model,
-            state: self.state,
-            motions,
-            now,
-            end: self.span.h,
-            fastest: self.fastest,
-        };
+            (free.iter()).partition(|&&i| foresight.motions[i].start > now);
         early.iter().for_each(|&i| asked[i] = true);
         if !early.is_empty() {
-            stepped
-                .iter()
-                .for_each(|&i| foresight.others(i, |j| asked[j], queue));
+            (stepped.iter()).for_each(|&i| foresight.others(i, |j| asked[j], queue));
         }
         for j in late {
             foresight.now = foresight.motions[j].start;
