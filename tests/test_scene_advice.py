@@ -39,6 +39,7 @@ def test_falls_are_foreseen() -> None:
     [
         ({"type": "fix", "body": "ball"}, False),
         ({"type": "rod", "between": ("ball", "ground"), "points": ((0, 0, 5), (0, 0, 6))}, False),
+        ({"type": "rod", "between": ("ball", "ground"), "points": ((0, 0, 5), (0, 4, 2))}, True),
         ({"type": "rod", "between": ("ball", "held")}, False),
         ({"type": "rod", "between": ("ball", "free")}, True),
         (
@@ -54,7 +55,10 @@ def test_falls_are_foreseen() -> None:
         ({"type": "plane", "body": "ball", "normal": (0, 1, 1)}, False),
         ({"type": "line", "body": "ball", "direction": (0, 0, 1)}, True),
         ({"type": "lock", "body": "ball"}, True),
-        ("spring", False),
+        ({"points": ((0, 0, 5), (0, 0, 6)), "stiffness": 100.0}, False),
+        ({"points": ((0, 0, 5), (0, 0, 6)), "stiffness": 1e-3}, True),
+        ({"points": ((0, 0, 5), (0, 0, 0)), "stiffness": 100.0, "rest_length": 0.0}, True),
+        ({"points": ((0, 0, 5), (3, 0, 5)), "stiffness": 100.0, "rest_length": 20.0}, True),
     ],
 )
 def test_only_what_nothing_ties_to_the_ground_falls(joint: Any, falls: bool) -> None:
@@ -62,8 +66,8 @@ def test_only_what_nothing_ties_to_the_ground_falls(joint: Any, falls: bool) -> 
     for x, name in ((0.5, "held"), (-0.5, "free")):
         scene.sphere(name, radius=0.05, mass=1.0, at=(x, 0, 5.1), material="m")
     scene.joint("fix", body="held")
-    if joint == "spring":
-        scene.spring("ball", "ground", points=((0, 0, 5), (0, 0, 6)), stiffness=100.0)
+    if "stiffness" in joint:
+        scene.spring("ball", "ground", **joint)
     else:
         scene.joint(joint.pop("type"), **joint)
     told = [advice.cause for advice in scene.validate() if 'falling, "ball"' in advice.cause]

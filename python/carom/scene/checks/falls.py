@@ -108,22 +108,30 @@ def _held_up(bodies: Bodies, normal: F64) -> Bool:
 def _tied(parts: Whole, normal: F64, fall: tuple[float, F64]) -> Bool:
     """Which balls joints and springs tie to the ground along a direction, through others too, (N,).
 
-    Rods do in every direction, for they turn, and springs that stop the `fall` (m/s^2, and heights, m): on a way of
-    2 m g/k. Joints that hold turns and directions across it alone do not.
+    Rods to the ground and springs do where they keep the ball above the plane: with `fall` (m/s^2, and heights over the
+    plane, m) springs stretch by 2 m g/k. Joints that hold turns and directions across it alone do not.
     """
-    bodies = parts.bodies()
+    bodies, (pull, height) = parts.bodies(), fall
     number, ground = numbers(bodies), len(bodies.names)
+
+    def keeps(body: int, other: int, point: F64, length: float) -> bool:
+        lowest = float(point @ normal) - length - float(bodies.position[body] @ normal - height[body])
+        return other >= 0 or lowest >= 0.0
+
     pairs: list[tuple[int, int]] = []
     for _, spring in parts.tables(Spring):
-        two = spring_ends(spring, bodies, number)[:2]
-        balls = [i for i in two if i >= 0]
-        if 2 * fall[0] * bodies.mass[balls].sum() <= spring.stiffness * fall[1][balls].min():
-            pairs.append(two)
+        a, b, at_a, at_b = spring_ends(spring, bodies, number)
+        balls = [i for i in (a, b) if i >= 0]
+        stretch = 2 * pull * float(bodies.mass[balls].sum()) / max(spring.stiffness, 1e-300)
+        rest = float(np.linalg.norm(at_a - at_b)) if spring.rest_length is None else spring.rest_length
+        if stretch <= height[balls].min() and keeps(a, b, at_b, rest + stretch):
+            pairs.append((a, b))
     for _, joint in parts.tables(Joint):
         of = joint_rows(joint, bodies, number)
         if any(
-            row.kind == "distance"
-            or (row.kind != "rotation" and abs(dot(row.direction, tuple(normal))) > ACROSS)
+            keeps(of.a, of.b, row.point_b, float(np.linalg.norm(row.point_a - row.point_b)))
+            if row.kind == "distance"
+            else row.kind != "rotation" and abs(dot(row.direction, tuple(normal))) > ACROSS
             for row in of.rows
         ):
             pairs.append((of.a, of.b))
