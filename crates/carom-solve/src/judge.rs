@@ -7,7 +7,7 @@ const FLOOR_OVER_TERMS: f64 = 9.0;
 const LEAST_FLOOR: f64 = 1e-3;
 
 /// Where contacts cannot be kept apart, forces without bound make a relative residual as small as one likes, for they are in its denominator.
-/// Where they are this many times the motion, the residual must come below the second number over the motion alone, and counts over it until then.
+/// Where they are this many times the motion, the residual must come below the second number over the motion alone.
 pub(crate) const RUNAWAY: f64 = 1e3;
 pub(crate) const EXPLAINED: f64 = 1e-3;
 
@@ -20,7 +20,7 @@ pub struct Terms {
 }
 
 impl Terms {
-    /// `|r| / (sum |r_k| + floor)`: converged below tol_r, with the floor `tol_f`. Of forces that ran away what they leave of the motion.
+    /// `|r| / (sum |r_k| + floor)`: converged below tol_r, with the floor `tol_f`.
     ///
     /// In large islands callers give a floor of lengths (decision record 011), far above rounding where steps are short: there it may
     /// count for [`FLOOR_OVER_TERMS`] times the terms, so the tolerance is never more than ten times what was asked for.
@@ -31,8 +31,11 @@ impl Terms {
         if self.residual == 0.0 {
             return 0.0; // all terms may be 0 too: a ball at rest, with drag, on a floor without gravity
         }
-        let [all, motion] = [self.terms + floor, self.motion + floor];
-        let ran_away = all > RUNAWAY * motion && self.residual > EXPLAINED * motion;
-        self.residual / if ran_away { motion } else { all }
+        self.residual / (self.terms + floor)
+    }
+
+    /// Whether forces ran away: what they leave of the motion is no solution, however small it is beside them.
+    pub fn ran_away(&self) -> bool {
+        self.terms > RUNAWAY * self.motion && self.residual > EXPLAINED * self.motion
     }
 }

@@ -64,7 +64,7 @@ impl Newton {
             }
             // Gaps of large islands are a target here, no condition: in a tight one they may contradict one another by rounding. So is what closes,
             // for one finer problem.
-            let solved = total.residual < options.tolerance;
+            let solved = total.residual < options.tolerance && !terms.ran_away();
             let closed = self.gaps_closed(on.system, options, 0.0);
             let rests = finer || self.none_closes(on.system, options);
             if solved && (!exact || (closed && rests)) {
