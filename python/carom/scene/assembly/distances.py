@@ -66,23 +66,24 @@ def _profile(along: F64, across: F64, first: Sequence[float], last: Sequence[flo
     return np.hypot((v * z - u * r) / length, beyond)
 
 
+def _units(vectors: F64) -> F64:
+    """Unit vectors, (N, 3); 0 stays 0."""
+    size = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(size > 0.0, size, 1.0))
+
+
 def normals(wall: Placed, centre: F64) -> F64:
-    """Unit normals at the closest points of a wall at the start, towards the balls, (N, 3)."""
+    """Unit normals at the closest points of a wall at the start, towards the balls, (N, 3); 0 where all are as near."""
     kind, *parameters = wall.shape
     if kind == MESH:
-        arm: F64 = centre - parameters[0].nearest(centre)
-        arm /= np.linalg.norm(arm, axis=1, keepdims=True)
-        return arm
+        return _units(centre - parameters[0].nearest(centre))
     away = centre - np.array(wall.point)
     if kind == PLANE:
         return np.tile(np.array(parameters[0], dtype=float), (len(centre), 1))
     if kind == "sphere":
-        radial: F64 = away / np.linalg.norm(away, axis=1, keepdims=True)
-        return _side(parameters[1]) * radial
+        return _side(parameters[1]) * _units(away)
     # Of the others the distance of a point: its gradient by central differences of a size that both errors allow.
     step = 1e-5 * float(np.linalg.norm(away, axis=1).max(initial=0.0) or 1.0)
     none = np.zeros(len(centre))
     slopes = [gaps(wall, centre + d, none) - gaps(wall, centre - d, none) for d in step * np.eye(3)]
-    found: F64 = np.stack(slopes, axis=1)
-    found /= np.linalg.norm(found, axis=1, keepdims=True)
-    return found
+    return _units(np.stack(slopes, axis=1))
