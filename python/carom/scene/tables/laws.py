@@ -96,13 +96,13 @@ class Law(Checked):
         """
         if not isinstance(value, str) or value.lstrip().startswith("="):
             return False
-        rest, plain = units.after_the_number(value), self.dimension == "number"
+        rest = units.after_the_number(value)
         if rest == "":
-            return plain  # else its unit was forgotten
+            return self.dimension == "number"  # else its unit was forgotten
         with suppress(units.UnitError):
-            units.parse(value, None if plain else self.dimension)
+            units.parse(value, self.dimension)
             return False
-        return plain or rest is None or re.search(rf"^[-*/^]|[()+]|- |\b{self.variable}\b", rest) is not None
+        return rest is None or re.search(rf"^[-*/^]|[()+]|- |\b{self.variable}\b", rest) is not None
 
     def _constant(self, value: Any) -> float:
         try:
