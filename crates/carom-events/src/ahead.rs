@@ -15,6 +15,8 @@ use std::mem::take;
 pub struct Ahead {
     /// s, since the start of the step of the run.
     pub until: f64,
+    /// What of it is taken (1).
+    pub share: f64,
     /// At its end. Others are absent there.
     pub state: State,
     pub report: StepReport,
@@ -32,6 +34,7 @@ impl Ahead {
     pub fn new(state: State, until: f64, report: StepReport, walls: usize) -> Ahead {
         Ahead {
             until,
+            share: 1.0,
             state,
             report,
             sums: Sums::default(),

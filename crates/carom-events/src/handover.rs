@@ -91,11 +91,7 @@ impl Run<'_> {
     /// What of a step is done at a time, of places that are known then.
     fn take_share(&self, ahead: &mut Ahead, t: f64) {
         let share = (t - self.stepped_to) / (ahead.until - self.stepped_to);
-        ahead.until = t;
-        ahead.sums.take_share(share);
-        for of in ahead.walls.as_flattened_mut() {
-            *of *= share;
-        }
+        (ahead.until, ahead.share) = (t, share);
         let (before, made) = (&*self.state, &mut ahead.state);
         for i in self.stepped() {
             let lerp = |from: &[DVec3], to: &[DVec3]| from[i].lerp(to[i], share);
@@ -220,12 +216,12 @@ impl Run<'_> {
             state.acceleration[i] = made.acceleration[i];
         }
         (self.state.warm, self.state.warm_step) = (ahead.state.warm, ahead.state.warm_step);
-        self.events.sums.join(&ahead.sums);
+        self.events.sums.join(&ahead.sums, ahead.share);
         self.scratch.impacts.append(&mut ahead.impacts);
         self.scratch.impact_times.append(&mut ahead.times);
         for (sum, given) in self.scratch.wall_impulse.iter_mut().zip(&ahead.walls) {
-            sum[0] += given[0];
-            sum[1] += given[1];
+            sum[0] += ahead.share * given[0];
+            sum[1] += ahead.share * given[1];
         }
         self.report.merge(&ahead.report);
         self.report.stepped += ahead.until - self.stepped_to;

@@ -58,35 +58,19 @@ impl Sums {
         }
     }
 
-    /// All that others have summed later.
-    pub fn join(&mut self, later: &Sums) {
+    /// A share of what others have summed later, that was given evenly.
+    pub fn join(&mut self, later: &Sums, share: f64) {
         for (&key, of) in &later.of {
             let sum = self.of.entry(key).or_default();
             (sum.law, sum.normal, sum.status) = (of.law, of.normal, of.status);
-            sum.along += of.along;
-            sum.impulse += of.impulse;
-            sum.moment += of.moment;
-            sum.position.impulse += of.position.impulse;
-            sum.position.moment += of.position.moment;
+            sum.along += share * of.along;
+            sum.impulse += share * of.impulse;
+            sum.moment += share * of.moment;
+            sum.position.impulse += share * of.position.impulse;
+            sum.position.moment += share * of.position.moment;
             for (sum, part) in sum.work.iter_mut().zip(of.work) {
-                *sum += part;
+                *sum += share * part;
             }
-        }
-    }
-
-    /// Of a part of the time in which it was given evenly.
-    pub fn take_share(&mut self, share: f64) {
-        for sum in self.of.values_mut() {
-            for of in [
-                &mut sum.along,
-                &mut sum.impulse,
-                &mut sum.moment,
-                &mut sum.position.impulse,
-                &mut sum.position.moment,
-            ] {
-                *of *= share;
-            }
-            sum.work = sum.work.map(|of| share * of);
         }
     }
 
