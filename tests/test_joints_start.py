@@ -140,6 +140,16 @@ def test_joints_that_say_the_same_twice_get_advice() -> None:
     assert advice.where == 'scene.joint("line")'
 
 
+def test_joints_that_say_the_same_are_told_at_once() -> None:
+    """One line, however many joints repeat others."""
+    scene = balls()
+    for kind in ("fix", "lock", "fix", "fix", "fix", "fix"):
+        scene.joint(kind, body="a")
+    (advice,) = scene.validate()
+    assert str(advice).count("3 of the 3 conditions") == 3
+    assert "some of 1 more hold the same motion as other joints" in str(advice)
+
+
 def test_many_joints_are_checked_one_by_one() -> None:
     """A chain of 300 ball joints has 900 rows, more than are fitted together."""
     scene = Scene(gravity=(0, 0, 0), run={"until": 1.0})

@@ -418,8 +418,8 @@ impl Outcome {
     pub fn advice(&self) -> &str {
         match (self.failure, &self.unsolved) {
             (Failure::NotConverged(Level::Smooth), _) => {
-                "joints that contradict one another leave no motion, and a load may be too wild for the step: look at those of \
-                 these spheres; if they are as meant, try a smaller step"
+                "joints that contradict one another leave no motion; in one line or plane between held ends, as a taut chain, they carry \
+                 no load across: give them sag; a load may be too wild for the step: try a smaller one"
             }
             (_, Some(Unsolved { joints: 1.., .. })) => {
                 "joints and contacts of these spheres may leave no motion (a sphere driven into a wall, joined spheres that \

@@ -232,6 +232,7 @@ def _redundant(parts: Parts) -> Iterator[Finding]:
         rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         basis = np.zeros((0, rows.shape[1]))
         k = 0
+        shares: dict[int, str] = {}
         for index, of in group.joints:
             implied = 0
             for row in rows[k : k + len(of.rows)]:
@@ -245,13 +246,17 @@ def _redundant(parts: Parts) -> Iterator[Finding]:
             k += len(of.rows)
             if implied:
                 name = dict(parts.tables(Joint))[index].name or default_name(index)
-                share = f"{implied} of the {len(of.rows)} conditions of joint {quoted(name)}"
-                cause = f"{share} hold the same motion as other joints"
-                cure = (
-                    "where they agree leave them out: of many reactions the least are shown; "
-                    "where they do not the run will stop"
-                )
-                yield Finding(("joint", index), cause, cure)
+                shares[index] = f"{implied} of the {len(of.rows)} conditions of joint {quoted(name)}"
+        if shares:
+            written = list(shares.values())[:MOST_FITTED]
+            if len(shares) > MOST_FITTED:
+                written.append(f"some of {len(shares) - MOST_FITTED} more")
+            cause = f"{', '.join(written)} hold the same motion as other joints"
+            cure = (
+                "where they agree leave them out: of many reactions the least are shown; "
+                "where they do not the run will stop"
+            )
+            yield Finding(("joint", min(shares)), cause, cure)
 
 
 # --- the linear system ------------------------------------------------------------------------------------------------
