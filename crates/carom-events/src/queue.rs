@@ -31,8 +31,9 @@ pub struct Event {
 }
 
 impl Event {
-    fn key(&self) -> ((u32, u32), What) {
-        (self.bodies, self.what)
+    /// Of all at one time what presses is first: an impact of what is stepped knows its loads.
+    fn key(&self) -> (bool, (u32, u32), What) {
+        (self.what != What::Press, self.bodies, self.what)
     }
 }
 

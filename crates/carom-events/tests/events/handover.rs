@@ -1,7 +1,7 @@
 //! Where bodies press one another the default scheme takes over, and gives back.
 
 use crate::common::{balls, on_floor, G, R};
-use crate::{advance, begin, options, run};
+use crate::{advance, begin, near, options, run};
 use carom_core::options::Method;
 use carom_core::record::TimedImpact;
 use carom_core::transition::{Kind, Mode, Transition};
@@ -285,6 +285,31 @@ fn a_ball_tips_over_an_edge() {
                 ends[1].z < -0.1 && far < 1e-3 * ends[1].length(),
                 "{wall:?} {over:e} {speed:e}: {far:e} {ends:?}"
             );
+        }
+    }
+}
+
+/// A small ball on a slope is hit as the run begins: its weight holds it there, in whatever order balls are named and however near the other one is.
+#[test]
+fn what_is_hit_at_once_knows_its_weight() {
+    let hit = |first: usize, gap: f64| {
+        let (small, far) = (0.6 * R, [0.0, 1.0, R]);
+        let big = -2.0 * (R * small).sqrt() - gap;
+        let mut places = vec![[big, 0.0, R], [0.0, 0.0, small]];
+        places.insert(2 * (1 - first), far);
+        let mut input = balls(&places, &[([0.0; 3], [0.0, 0.0, 1.0])]);
+        input.gravity = [0.1 * G, 0.0, -G];
+        let laws = [[0.0, 1.0], [0.5, 0.5]].map(|[mu, e]| [mu, e, 0.0, 0.0, 0.0]);
+        input.laws = vec![(0, 0, laws[0]), (0, 1, laws[1])];
+        input.radius[first + 1] = small;
+        input.velocity[first] = [2.0, 0.0, 0.0];
+        let s = stepped(&input, 0.01, 1e-5);
+        [s.state.velocity[first], s.state.velocity[first + 1]]
+    };
+    let expected = hit(1, 0.0);
+    for found in [hit(0, 0.0), hit(0, 1e-12), hit(1, 1e-12)] {
+        for (a, b) in found.into_iter().zip(expected) {
+            near(a, b, 1e-9);
         }
     }
 }
