@@ -16,6 +16,7 @@ from carom.errors import Problem, counted, quoted
 from carom.result.losses import MOST_FRAMES, at_joints, on_walls, spread
 from carom.scene.assembly.vectors import dot
 from carom.scene.checks.decay import DECAYS, unbalanced
+from carom.scene.checks.walls import COARSE
 from carom.scene.tables.impact_laws import LAWS
 from carom.scene.tables.options import MOST_OVERLAP
 from carom.scene.tables.walls import PLANE
@@ -104,7 +105,10 @@ def _unsettled(result: RunData) -> dict[str, Any] | None:
         return None
     if not _is_pile(result):
         return None
-    return {"share": _rise(result), "usual": usual, "now": result.scene.run.pile_tolerance}
+    now = result.scene.run.pile_tolerance
+    # Finer ones than these are not reached by piles (checks/piles.py).
+    smaller = f", or a smaller pile_tolerance (now {now:g})," if now >= COARSE else ""
+    return {"share": _rise(result), "usual": usual, "cure": f"a shorter step{smaller} lessens it"}
 
 
 def _overlapped(result: RunData) -> dict[str, Any] | None:
@@ -186,7 +190,7 @@ REMARKS = {
     "unsettled": Remark(
         _unsettled,
         "energy rose by up to {share:.2g} of what there is in a step, more than the {usual:.2g} of piles at rest; ",
-        "a shorter step, or a smaller pile_tolerance (now {now:g}), lessens it",
+        "{cure}",
         warning=False,  # grains that settle do so, too
     ),
     "overlapped": Remark(
