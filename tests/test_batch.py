@@ -268,6 +268,9 @@ def test_what_stops_a_batch_keeps_what_is_done() -> None:
     batch = caught.value.result  # type: ignore[attr-defined]
     assert 0 < batch.ok.sum() < 400
     assert set(batch.outcome) == {"done", "not_run"}
+    done = int(batch.ok.sum())
+    assert f", {400 - done} not run;" in repr(batch)
+    assert batch.per_second == done / batch.wall_s
 
 
 def test_progress_ends_with_all_cases() -> None:

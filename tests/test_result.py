@@ -206,6 +206,16 @@ def test_a_temporary_result_goes_with_its_object_and_can_be_kept(scene: Any, tmp
     )  # a file of it will do
 
 
+def test_what_is_done_to_the_scene_of_a_result_changes_no_result(scene: Any, tmp_path: Path) -> None:
+    result = carom.simulate(scene, until=0.01)
+    ran = result.scenario
+    result.scene.world.gravity = (0, 0, -1.6)
+    assert result.scene.world.gravity[2] == -1.6  # it may be the begin of another one
+    assert result.scenario == ran
+    kept = result.save(tmp_path / "kept")
+    assert kept.scene.world.gravity[2] == result.gravity[2] != -1.6
+
+
 def test_a_result_can_be_closed(scene: Any, tmp_path: Path) -> None:
     with carom.simulate(scene, until=0.1, out=tmp_path / "run") as result:
         position = np.asarray(result.position)

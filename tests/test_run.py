@@ -114,6 +114,29 @@ def test_one_writer_at_a_time(scene: Any, tmp_path: Path) -> None:
     assert not directory.is_being_written()
 
 
+def test_of_runs_that_begin_at_once_one_has_the_directory(scene: Any, tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    carom.simulate(scene, until=0.01, out=path)
+    first, second = (RunDir.create(path, force=True) for _ in range(2))
+    with first.writing():
+        assert [file.name for file in path.iterdir()] == ["log.jsonl"]
+        with pytest.raises(CaromError, match="being written by another process"), second.writing():
+            pass
+        with pytest.raises(CaromError, match="being written by another process"):
+            RunDir.create(path, force=True)
+        first.write({"status": "done"})
+    with second.writing():  # one after the other they may
+        assert [file.name for file in path.iterdir()] == ["log.jsonl"]
+
+
+def test_a_directory_that_comes_meanwhile_is_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        Path, "mkdir", lambda self, **_: (_ for _ in ()).throw(FileExistsError(17, "File exists"))
+    )
+    with pytest.raises(CaromError, match="exists already; give --force"):
+        RunDir.create(tmp_path)
+
+
 def test_what_is_not_a_run_is_called_so(tmp_path: Path) -> None:
     with pytest.raises(CaromError, match="no such run directory"):
         carom.load(tmp_path / "absent")

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 ENDED = ("done", "stopped")
 """Outcomes of cases that ended well."""
+NOT_RUN = "not_run"
+"""Outcome of cases whose turn did not come before the batch was interrupted."""
 KINEMATICS = {name: len(letters) for name, (letters, _) in QUANTITIES.items()}
 
 
@@ -79,8 +81,8 @@ class Batch:
 
     @property
     def per_second(self) -> float:
-        """Cases a second, over the seconds that the batch took."""
-        return len(self) / self.wall_s if self.wall_s > 0 else 0.0
+        """Cases that were run a second, over the seconds that the batch took."""
+        return int((self.outcome != NOT_RUN).sum()) / self.wall_s if self.wall_s > 0 else 0.0
 
     def __getitem__(self, name: str) -> Body:
         return Body.of(self, name)
@@ -125,8 +127,10 @@ class Batch:
         return found
 
     def __repr__(self) -> str:
-        failed = len(self) - int(self.ok.sum())
-        what = f"{failed} failed" if failed else "all done"
+        left = int((self.outcome == NOT_RUN).sum())
+        failed = len(self) - int(self.ok.sum()) - left
+        counts = [f"{n} {what}" for n, what in ((failed, "failed"), (left, "not run")) if n]
+        what = ", ".join(counts) or "all done"
         return (
             f"<carom.Batch: {counted(len(self), 'case')} of {counted(len(self.names), 'ball')}, {what};"
             f" {self.wall_s:.3g} s on {counted(self.threads, 'thread')}, {self.per_second:.3g} a second>"

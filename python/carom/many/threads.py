@@ -13,7 +13,7 @@ import numpy as np
 
 from carom.arrays import Array
 from carom.errors import CaromError
-from carom.many.batch_result import ENDED, KINEMATICS, Batch
+from carom.many.batch_result import ENDED, KINEMATICS, NOT_RUN, Batch
 from carom.many.cases import Overrides
 from carom.numeric import is_whole
 from carom.run.loop import Sink, begin, drive
@@ -96,7 +96,7 @@ class Runner:
                 " pass step=..., or leave frames out"
             )
         b, n = self.cases, len(self.names)
-        self.outcome = np.full(b, "not_run", dtype=object)
+        self.outcome = np.full(b, NOT_RUN, dtype=object)
         self.message = np.full(b, "", dtype=object)
         self.time = np.full(b, np.nan)
         self.final = {key: np.full((b, n, width), np.nan) for key, width in KINEMATICS.items()}

@@ -68,7 +68,7 @@ class RunData(Frames[Column]):
         self._about, self._segments, self._directory = about, record, directory
         self._problem = problem  # of a result in memory: the one that could not be solved
         if scene is not None:
-            self.scene = scene
+            self._ran = scene
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -225,15 +225,16 @@ class RunData(Frames[Column]):
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene as it was run: every default spelled out, random numbers drawn."""
-        assert self._directory is not None
+        """The scene as it was run: every default spelled out, random numbers drawn. What is done to it changes no run."""
+        if self._directory is None:
+            return copy.copy(self._ran)
         return Scene.from_toml(self._directory.scenario)
 
     @property
     def scenario(self) -> str:
         """The scenario as it was run, as TOML."""
         if self._directory is None:
-            return self.scene.to_toml(resolved=True)
+            return self._ran.to_toml(resolved=True)
         path = self._directory.scenario
         try:
             return path.read_text(encoding="utf-8")
@@ -351,46 +352,47 @@ class RunData(Frames[Column]):
         """Write a result that was simulated without `out` to a run directory, or copy its own; returns the copy."""
         if self._directory is not None and lies_in(Path(path), self.path):
             raise CaromError(f"{path} is the directory of this run, or lies in it; choose another directory")
-        copy = RunDir.create(path, force=force)
-        try:
-            if self._directory is None:
-                self._write(copy)
-            else:
-                shutil.copytree(self.path, copy.path, dirs_exist_ok=True)
-        except (OSError, CaromError) as error:
-            copy.remove()
-            raise CaromError(f"cannot copy the run to {path}: {error}") from error
-        return type(self).load(copy.path)
+        to = RunDir.create(path, force=force)
+        with to.writing():
+            try:
+                if self._directory is None:
+                    self._write(to)
+                else:
+                    shutil.copytree(self.path, to.path, dirs_exist_ok=True)
+            except (OSError, CaromError) as error:
+                to.remove()
+                raise CaromError(f"cannot copy the run to {path}: {error}") from error
+        return type(self).load(to.path)
 
     @cached_property
     def _copy(self) -> RunDir:
         """The temporary directory of a result in memory."""
         directory = temporary()
         weakref.finalize(self, directory.remove)
-        self._write(directory)
+        with directory.writing():
+            self._write(directory)
         return directory
 
     def _write(self, directory: RunDir) -> None:
-        """Write a result in memory to a new directory."""
+        """Write a result in memory to a new directory, whose writer this is."""
         assert isinstance(self._segments, Memory)
         about = copy.deepcopy(self._about)
-        about["scenario"]["identity"] = identify(self.scene.to_model())
-        with directory.writing():
-            directory.write_scenario(self.scenario)
-            writer = Writer(
-                directory.next_segment(),
-                **self._segments.described,
-                expected=self._segments.rows,
-                further=directory.next_segment,
-            )
-            writer.append(self._segments.blocks())
-            writer.close()
-            about["segments"][-1]["file"] = writer.paths[0].name
-            if len(writer.paths) > 1:
-                about["segments"][-1]["files"] = [file.name for file in writer.paths]
-            self._write_problem(directory, about["outcome"])
-            directory.write(about)
-            directory.log("saved", status=self.status)
+        about["scenario"]["identity"] = identify(self._ran.to_model())
+        directory.write_scenario(self.scenario)
+        writer = Writer(
+            directory.next_segment(),
+            **self._segments.described,
+            expected=self._segments.rows,
+            further=directory.next_segment,
+        )
+        writer.append(self._segments.blocks())
+        writer.close()
+        about["segments"][-1]["file"] = writer.paths[0].name
+        if len(writer.paths) > 1:
+            about["segments"][-1]["files"] = [file.name for file in writer.paths]
+        self._write_problem(directory, about["outcome"])
+        directory.write(about)
+        directory.log("saved", status=self.status)
 
     def _write_problem(self, directory: RunDir, outcome: dict[str, Any]) -> None:
         """Write the problem that could not be solved, and say in the outcome where."""
@@ -402,7 +404,7 @@ class RunData(Frames[Column]):
     def __reduce__(self) -> Any:
         """Copies and other processes open the run anew; files that are open cannot be sent."""
         if self._directory is None:
-            return type(self), (self._about, self._segments, None, self.scene, self._problem)
+            return type(self), (self._about, self._segments, None, self._ran, self._problem)
         return type(self).load, (self._directory.whole,)
 
     def __enter__(self) -> Self:

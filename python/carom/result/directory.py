@@ -18,7 +18,7 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
@@ -77,6 +77,7 @@ class RunDir:
         self._anchored = Anchored(path)
         self.durable = durable
         self._log: IO[str] | None = None
+        self._replaces = False
 
     @property
     def path(self) -> Path:
@@ -142,29 +143,29 @@ class RunDir:
 
     @classmethod
     def create(cls, path: Path | str, *, force: bool = False) -> RunDir:
-        """A new, empty run directory. An existing path is refused; with `force` an old run there is removed first."""
+        """A new run directory. An existing path is refused; with `force` an old run goes as the new one is `writing`."""
         path = Path(path)
+        new = cls(path)
         try:
             if path.is_dir() and force:
-                old = cls(path)
-                if any(path.iterdir()) and not (old.about.exists() or old._is_own()):
-                    old._refuse_lost()
-                    raise CaromError(
-                        f"{path} holds other files and is not a run directory; choose another directory"
-                    )
-                with old.writing():
-                    old._remove_own()
-            elif path.exists():
+                with new.writing() if new.log_file.exists() else nullcontext():
+                    if any(path.iterdir()) and not (new.about.exists() or new._is_own()):
+                        new._refuse_lost()
+                        raise CaromError(
+                            f"{path} holds other files and is not a run directory; choose another directory"
+                        )
+                new._replaces = True
+            path.mkdir(parents=True, exist_ok=force)
+        except OSError as error:
+            if isinstance(error, FileExistsError) and path.exists():
                 cure = "give --force (force=True in Python) to replace it, or another directory"
                 raise CaromError(
                     f"{path} exists already; {cure}"
                     if path.is_dir()
                     else f"{path} is a file; choose another path"
-                )
-            path.mkdir(parents=True, exist_ok=force)
-        except OSError as error:
+                ) from None
             raise RecordError(f"cannot create the run directory {path}: {unwritable(error)}") from error
-        return cls(path)
+        return new
 
     @classmethod
     def next(cls, stem: str, parent: Path | str = "runs") -> RunDir:
@@ -253,6 +254,8 @@ class RunDir:
                 raise CaromError(
                     f"{self.path} is being written by another process; wait for it, or interrupt it first"
                 )
+            if self._replaces:
+                self._replace()
             for scrap in self.path.glob(".*.tmp"):  # of a process that was killed while it wrote one
                 scrap.unlink(missing_ok=True)
             yield
@@ -274,9 +277,19 @@ class RunDir:
         found = (file for pattern in _OWN for file in self.path.glob(pattern))
         return [file for file in found if first_link(self.path, file.parent) is None]
 
-    def _remove_own(self) -> None:
+    def _replace(self) -> None:
+        """Remove the old run. The log is emptied: who waits for its lock would else get that of a file which is gone."""
+        assert self._log is not None
+        try:
+            self._remove_own(but=self.log_file)
+            self._log.truncate(0)
+        except OSError as error:
+            raise RecordError(f"cannot replace the run {self.path}: {unwritable(error)}") from error
+        self._replaces = False
+
+    def _remove_own(self, but: Path | None = None) -> None:
         for file in self._own():
-            if file.is_symlink() or not file.is_dir():
+            if file != but and (file.is_symlink() or not file.is_dir()):
                 file.unlink()
 
     def _is_own(self) -> bool:

@@ -50,7 +50,7 @@ class RunFailed(CaromError):
         result = self.result
         if result.origin == "memory":
             result = copy.copy(result)
-            result.scene = result.scene._without_functions()
+            result._ran = result._ran._without_functions()
         return made, arguments, fields | {"result": result}
 
 

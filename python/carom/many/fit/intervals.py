@@ -51,12 +51,15 @@ class Told:
     @property
     def error(self) -> F64:
         """Standard errors of the shares."""
-        return self.half / _deviations(CONFIDENCE)
+        return self.half / _deviations(self.freedom if self.widened > 1 else None)
 
 
-def _deviations(confidence: float) -> float:
+def _deviations(freedom: int | None = None) -> float:
+    """Standard errors on each side of an interval: of known uncertainties, or where chi squared tells their size."""
     stats = extra("scipy.stats", "a fit needs scipy", "fit")
-    return float(stats.norm.ppf(0.5 + confidence / 2))
+    # Where nothing is left over chi squared counts as that of one datum.
+    law = stats.norm if freedom is None else stats.t(max(1, freedom))
+    return float(law.ppf(0.5 + CONFIDENCE / 2))
 
 
 def told(
@@ -82,13 +85,13 @@ def told(
     variance = 1 + noise**2
     strength = np.linalg.svd(jacobian[:, free], compute_uv=False)
     # Combinations that the data determine within the bounds.
-    fitted = int(np.sum(strength > max(floor, 2 * _deviations(CONFIDENCE))))
+    fitted = int(np.sum(strength > max(floor, 2 * _deviations())))
     chi2, freedom = float(np.sum(residuals**2 / variance)), len(residuals) - fitted
     # Where nothing is left over chi squared should vanish: that of one datum bounds how far a search may be off.
     expected = max(1, freedom)
     likelihood = float(stats.chi2.sf(chi2, expected))
     widened = float(np.sqrt(chi2 / expected)) if settled and likelihood < UNLIKELY else 1.0
-    wide = _deviations(CONFIDENCE) * widened
+    wide = _deviations(freedom if widened > 1 else None) * widened
     half, correlation, inverse = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros((n, len(residuals)))
     hidden, directions, unclear = np.zeros(n, dtype=bool), [], []
     if len(free):
