@@ -95,6 +95,9 @@ PIECES: dict[str, list[tuple[str, str]]] = {
     "a principal moment comes to ..., outside ... to ...": [
         ("inertia", RIGID + "inertia = [1e-91, 1e-91, 1e-91]\n")
     ],
+    "balls ... and ... of the clump are one and the same, which would press and attract twice": [
+        ("spheres", CLUMP + "spheres = [[0, 0, 0, 0.01], [0.02, 0, 0, 0.01], [0, 0, 0, 0.01]]\n")
+    ],
     "clump ... is ... m long, and the period along ... ... m...": [
         (
             "spheres",

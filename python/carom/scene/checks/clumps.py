@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MOMENTS = (1e-90, 1e90)
 """Moments of inertia between these, kg m^2, as of spheres."""
+SAME = 1e-9
+"""Difference of two spheres, over the radius, up to which they are one: contacts of both would be one, that counts twice."""
 
 
 def shapes(parts: Parts) -> Iterator[tuple[str, int, Clump]]:
@@ -76,6 +78,13 @@ def usable_clumps(parts: Parts) -> Iterator[Finding]:
             cause = f"a principal moment comes to {wrong[0]:g}, outside {least:g} to {most:g}"
             key = "spheres" if clump.inertia is None else "inertia"
             yield Finding((section, i, key), cause, "check the units")
+        balls = np.array(clump.spheres)
+        differ = np.abs(balls[:, None] - balls[None]).max(axis=2)
+        same = np.argwhere(np.triu(differ <= SAME * balls[:, 3], 1))
+        if len(same):
+            first, second = same[0] + 1
+            cause = f"balls {first} and {second} of the clump are one and the same, which would press and attract twice"
+            yield Finding((section, i, "spheres"), cause, "leave one out")
 
 
 def check_size(parts: Parts) -> Iterator[Finding]:
