@@ -8,7 +8,7 @@ import carom
 import numpy as np
 import pytest
 from carom import audit
-from carom.audit import arms, borne, energy
+from carom.audit import arms, balance, borne
 from carom.audit.block import blocks
 from carom.audit.data import Run
 
@@ -91,7 +91,7 @@ def test_nothing_is_left_of_what_springs_do_through_contacts(load: Callable[[car
         run = Run(result)
         [block] = blocks(run)
         total = np.diff(np.asarray(result.energy.total)) - np.asarray(result.steps.energy_work)[1:]
-        each = block.rows.work.sum(axis=1) - energy._lifted(run, block.rows, block.rows.position_impulse)
+        each = block.rows.work.sum(axis=1) - balance._lifted(run, block.rows, block.rows.position_impulse)
         works = np.bincount(block.rows.k, each, minlength=block.count)
         through = borne.on_bodies(block).sum(axis=1)
         left.append(np.abs(total - (works - through)[1:]).max())

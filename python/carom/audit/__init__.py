@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from carom.audit import (
+    balance,
     claims,
     clumps,
     cones,
@@ -104,6 +105,7 @@ def _judge(run: Run, tally: Tally) -> None:
         courses.judge(block, tally)
         springs.judge(block, pairs, tally)
         energy.judge(block, pairs, tally)
+        balance.judge(block, tally)
         tunnel.judge(block, pairs, tally)
         joints.judge(block, tally)
         flows.of_frames(block, tally)

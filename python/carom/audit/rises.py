@@ -6,8 +6,9 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.audit import turning, wrenches
+from carom.audit.balance import answered
 from carom.audit.data import Run
-from carom.audit.energy import answered, at_start
+from carom.audit.energy import at_start
 from carom.audit.formula import law
 from carom.audit.report import Tally
 from carom.audit.vectors import EPS, norm
