@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from browser import Browser, find_browser
 from carom.show.viewer import write_html
-from view_scenes import RADIUS, STEP, billiard, drum, struck
+from view_scenes import RADIUS, STEP, billiard, drum, struck, turn
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="needs a Chromium (apt-get install chromium, or name one in CAROM_BROWSER)"
@@ -105,6 +106,30 @@ def test_fast_spin_turns_the_right_way_between_frames(tmp_path: Path) -> None:
             assert overlap.min() > 1 - 1e-5
 
 
+def test_rates_from_frames_are_exact_under_constant_acceleration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were those of the middle of the time to the next frame; times here are unequal."""
+    monkeypatch.setattr("carom.show.viewer.page.MAX_BODY_FRAMES_WITH_VELOCITY", 0)
+    run = billiard(6)
+    run.time = np.array([0.0, 0.01, 0.03, 0.04, 0.06, 0.07])
+    run.position = np.zeros((6, 4, 3))
+    run.position[:, 0, 2] = 5.0 - 4.905 * run.time**2
+    axis = np.broadcast_to([1.0, 0.0, 0.0], (4, 3))
+    run.orientation = np.stack([turn(axis, float(20.0 * t**2)) for t in run.time])
+    info = write_html(run, tmp_path / "view.html")
+    assert info.notes == ("Velocities and spins are differences between frames.",)
+    with Browser(size=(800, 600)) as browser:
+        browser.open(info.path)
+        browser.evaluate("carom.select(0)")
+        for time_ in run.time:
+            browser.evaluate(f"carom.setTime({time_ + 1e-9})")
+            card = browser.evaluate("document.getElementById('card').innerText").replace("−", "-")
+            speed, spin = (float(re.search(rf"(\S+) {unit}", card)[1]) for unit in ("m/s", "rad/s"))
+            assert speed == pytest.approx(9.81 * time_, abs=2e-3)
+            assert spin == pytest.approx(40.0 * time_, abs=0.02)
+
+
 def test_balls_are_where_the_numbers_say_and_their_patterns_turn(browser: Browser) -> None:
     first = pixels(browser)
     x, y = map(round, state(browser)["screen"][1])
@@ -195,7 +220,7 @@ def test_click_selects_and_the_card_shows_the_runs_numbers(browser: Browser, run
 
 def test_every_control_has_a_name_and_is_reached_by_tab(browser: Browser) -> None:
     nameless = browser.evaluate(
-        "[...document.querySelectorAll('button, input, select, dialog, aside, main')]"
+        "[...document.querySelectorAll('button, input, select, dialog, aside, main, canvas:not([aria-hidden])')]"
         ".filter(e => !(e.getAttribute('aria-label') || e.innerText.trim() || e.closest('label'))).map(e => e.outerHTML)"
     )
     assert nameless == []

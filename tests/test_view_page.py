@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from carom import CaromError
+from carom import CaromError, CaromWarning, Scene, load, simulate
 from carom.show.viewer import codec, write_html
 from carom.show.viewer import page as view_page
 from carom.show.viewer.page import MIN_FRAMES
@@ -213,6 +213,18 @@ def test_a_crowd_too_large_for_a_few_frames_is_thinned_by_bodies(tmp_path: Path)
     assert 0 < info.bodies < info.bodies_recorded == count
     assert f"Shows {info.bodies} of 20000 bodies" in info.notes[0]
     assert len(page.facts["names"]) == info.bodies
+
+
+def test_a_run_that_did_not_reach_its_end_says_so_first(tmp_path: Path) -> None:
+    """The page of a run that failed looked like that of a short one."""
+    scene = Scene("stopped", gravity=(0, 0, 0), run={"until": 0.02, "step": 1e-3})
+    scene.sphere("a", radius=0.05, mass=1.0, at=(0, 0, 0), material="m")
+    scene.load(on="a", force=({"expression": "sqrt(0.01-t)"}, 0, 0))
+    with pytest.warns(CaromWarning), pytest.raises(CaromError):
+        simulate(scene, out=tmp_path / "run")
+    info, page = write(load(tmp_path / "run"), tmp_path)
+    assert info.notes[0].startswith("Not finished: load failed at step 10, t = 0.01 s at a (")
+    assert page.facts["notes"] == list(info.notes)
 
 
 def test_names_are_text_and_never_markup(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from carom import Scene
+from carom.result.outcome import Outcome
 from carom.result.record.walls import tables
 from carom.result.walls import Walls
 
@@ -31,6 +32,7 @@ class Shown(SimpleNamespace):
     flows: tuple[Any, ...] = ()
     summary: ClassVar[dict[str, int]] = {"truncated_sequences": 0}
     scene = Scene()
+    outcome = Outcome("done")
     impacts = Table(time=np.zeros(0))
     contacts = Table(status=np.zeros(0))
     energy = SimpleNamespace(**dict.fromkeys(("time", "kinetic", "potential"), np.zeros(0)))

@@ -25,12 +25,12 @@ export function shortened(name: string, most = LONGEST): string {
 
 const MOST_DIGITS = 5; // after the point of a mantissa
 
-/** Whether numbers up to `large` are written out; others have an exponent. */
-const plain = (large: number): boolean => large === 0 || (large >= 1e-3 && large < 1e5);
+/** Whether numbers up to `large` are written out; others have an exponent, unless their digits go on behind the point. */
+const plain = (large: number, step = 1): boolean => large === 0 || (large >= 1e-3 && (large < 1e5 || step < 1));
 
 /** A number that changes by `step`, among numbers up to `large`, with a real minus sign and a fixed width while it changes. */
 export function figure(value: number, step: number, large = 1): string {
-  if (plain(large)) {
+  if (plain(large, step)) {
     const digits = decimals(step);
     const text = value.toFixed(digits);
     return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "\u2212");

@@ -38,6 +38,7 @@ export class Graph {
   ) {
     this.element.append(this.legend, this.canvas);
     this.canvas.setAttribute("role", "img");
+    this.canvas.setAttribute("aria-label", "Graph over time");
     const drag = (event: PointerEvent) => {
       const { left, width } = this.canvas.getBoundingClientRect();
       const share = (event.clientX - left - LEFT) / Math.max(1, width - LEFT - RIGHT);
@@ -65,11 +66,11 @@ export class Graph {
       }
     }
     if (!(low <= high)) [low, high] = [0, 1];
-    if (high - low < least) [low, high] = [0.5 * (low + high) - least, 0.5 * (low + high) + least];
+    if (low < high && high - low < least) [low, high] = [0.5 * (low + high) - least, 0.5 * (low + high) + least];
     const margin = 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
     this.range = [low >= 0 && low < 0.3 * high ? 0 : low - margin, high + margin];
     this.large = Math.max(...this.range.map(Math.abs));
-    this.step = Math.max((this.range[1] - this.range[0]) / 500, 1e-6 * this.large);
+    this.step = Math.max((this.range[1] - this.range[0]) / 500, 1e-9 * this.large);
     this.canvas.setAttribute("aria-label", `${series.map((s) => s.name).join(", ")} in ${unit} over time`);
     this.values = series.map(() => create("b"));
     this.chips = series.map((s) => create("i", s.dashed ? "dash" : ""));

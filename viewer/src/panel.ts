@@ -1,6 +1,6 @@
 // The list of bodies, the card of the selected one, and the labels that float over the balls.
 
-import { byId, create, figure, shortened } from "./dom";
+import { amount, byId, create, figure, shortened } from "./dom";
 import type { Look } from "./palette";
 import type { Run, Vec } from "./run";
 import { greatest } from "./scale";
@@ -16,18 +16,24 @@ export class Panel {
   private readonly list = byId("list");
   private readonly find = byId<HTMLInputElement>("find");
   private readonly cells = new Map<string, HTMLElement>();
-  /** The smallest change that is shown, and the largest number of the run: a cell holds eight characters. */
-  private readonly scale: Record<"position" | "velocity" | "spin", [step: number, large: number]>;
+  /** Of each axis the smallest change that is shown, and the largest number of the run. */
+  private readonly scale: Record<"position" | "velocity" | "spin", [step: number, large: number][]>;
 
   constructor(
     private readonly run: Run,
     private readonly looks: Look[],
     private readonly choose: (body: number) => void,
   ) {
-    const extent = Math.max(...run.facts.box.flat().map(Math.abs));
-    const rates = (usual: number, large: number): [number, number] => [Math.max(Math.min(usual, 1e-2 * large), 1e-5 * large), large];
+    const { box: [low, high], arrays } = run.facts;
+    const usual = Math.min(...run.radius.slice(0, 1000)) / 50;
+    const rates = (usual: number, large: number) =>
+      Array<[number, number]>(3).fill([Math.max(Math.min(usual, 1e-2 * large), 1e-5 * large), large]);
     this.scale = {
-      position: [Math.max(Math.min(...run.radius.slice(0, 1000)) / 50, 1e-5 * extent), extent],
+      // Where all moves by less than a ball, digits go by how far it moves.
+      position: low.map((l, k) => {
+        const step = Math.min(usual, 1e-3 * (high[k] - l) || usual);
+        return [Math.max(step, arrays.position.step!), Math.max(Math.abs(l), Math.abs(high[k]))];
+      }),
       velocity: rates(1e-4, greatest(run, (n, frame) => run.velocityOf(n, frame))),
       spin: rates(1e-3, greatest(run, (n, frame) => run.spinOf(n, frame))),
     };
@@ -50,10 +56,10 @@ export class Panel {
     (this.card.querySelector(".chip") as HTMLElement).style.background = this.looks[selected].css;
     const put = (name: keyof typeof this.scale, values: Vec, extra = "") => {
       const length = Math.hypot(...values);
-      const [step, large] = this.scale[name];
-      values.forEach((v, k) => (this.cells.get(name + "xyz"[k])!.textContent = figure(v, step, large)));
+      const scale = this.scale[name];
+      values.forEach((v, k) => (this.cells.get(name + "xyz"[k])!.textContent = figure(v, ...scale[k])));
       const total = this.cells.get(name);
-      if (total) total.textContent = figure(length, step, large) + extra;
+      if (total) total.textContent = figure(length, ...scale[0]) + extra;
     };
     put("position", run.where(selected));
     put("velocity", run.velocityOf(selected), " m/s");
@@ -64,7 +70,7 @@ export class Panel {
     }
     const turns = Math.hypot(...run.spinOf(selected)) / (2 * Math.PI);
     this.card.querySelector(".fine")!.textContent =
-      `radius ${+run.radius[selected].toPrecision(5)} m \u00b7 ${turns.toFixed(2)} turns a second` +
+      `radius ${+run.radius[selected].toPrecision(5)} m \u00b7 ${amount(turns, true)} turns a second` +
       (run.hasRates ? "" : " \u00b7 rates are differences between frames");
   }
 

@@ -110,6 +110,8 @@ export class Run {
   /** The sampled time, and the frame at or before it. */
   now = 0;
   frame = 0;
+  /** How far the sampled time is from that frame to the next, as a fraction. */
+  private part = 0;
 
   private readonly position: Int32Array;
   private readonly orientation: Int16Array;
@@ -118,8 +120,8 @@ export class Run {
   private readonly there: Int32Array | undefined;
   /** Spin of the body at hand. */
   private readonly rate: Vec = [0, 0, 0];
-  /** What folds a centre back into a periodic world, as of the sampled time. */
-  private readonly shift: Float64Array;
+  /** Change over the second of two intervals. */
+  private readonly second: Vec = [0, 0, 0];
 
   private constructor(
     readonly facts: Facts,
@@ -156,7 +158,6 @@ export class Run {
       const [flow, gradient] = facts.shear ?? [0, 1];
       this.boxes = new Boxes({ lengths, low, flow, gradient, tilt: 0 }, arrays.boxes && doubles(data, arrays.boxes));
     }
-    this.shift = new Float64Array(facts.period ? 3 * this.count : 0);
     this.centre = new Float32Array(4 * this.count);
     this.attitude = new Float32Array(4 * this.count);
     this.sample(this.start);
@@ -200,7 +201,7 @@ export class Run {
     const at = 3 * (this.count * frame + n);
     for (let k = 0; k < 3; k++) out[k] = step * this.position[at + k];
   }
-  /** False where velocities are differences of positions, because the page left the recorded ones out. */
+  /** False where rates come from positions and attitudes, because the page left the recorded ones out. */
   get hasRates(): boolean {
     return this.velocity !== undefined;
   }
@@ -223,7 +224,7 @@ export class Run {
     this.frame = this.frameAt(this.now);
     const next = Math.min(this.frame + 1, this.frames - 1);
     const span = this.time[next] - this.time[this.frame];
-    const s = span > 0 ? (this.now - this.time[this.frame]) / span : 0;
+    const s = (this.part = span > 0 ? (this.now - this.time[this.frame]) / span : 0);
     const { position, centre, count } = this;
     const step = this.facts.arrays.position.step!;
     const a = 3 * count * this.frame;
@@ -243,16 +244,13 @@ export class Run {
 
   /** Balls of a periodic world are drawn within one period. */
   private fold(box: Box): void {
-    const { centre, origin, shift } = this;
+    const { centre, origin } = this;
     const place: Vec = [0, 0, 0];
     const turns: Vec = [0, 0, 0];
     for (let n = 0; n < this.count; n++) {
       for (let k = 0; k < 3; k++) place[k] = centre[4 * n + k] + origin[k];
       shiftOf(box, place, turns);
-      for (let k = 0; k < 3; k++) {
-        shift[3 * n + k] = turns[k];
-        centre[4 * n + k] -= turns[k];
-      }
+      for (let k = 0; k < 3; k++) centre[4 * n + k] -= turns[k];
     }
   }
 
@@ -306,45 +304,72 @@ export class Run {
     return this.rate;
   }
 
-  /** Position of body n in the scene's own coordinates. */
+  /** Position of body n in the scene's own coordinates, as exact as the page has it. */
   where(n: number): Vec {
-    return [0, 1, 2].map((k) => this.centre[4 * n + k] + this.origin[k] + (this.shift[3 * n + k] ?? 0)) as Vec;
+    const ends = [this.frame, Math.min(this.frame + 1, this.frames - 1)].map((f) => 3 * (this.count * f + n));
+    const [from, to] = ends.map((at) => this.position.subarray(at, at + 3));
+    const step = this.facts.arrays.position.step!;
+    return this.origin.map((o, k) => o + step * (from[k] + this.part * (to[k] - from[k]))) as Vec;
   }
 
-  /** Velocity of body n, into `out`: as recorded at the frame shown, or the difference to the next one. */
+  /** Velocity of body n at a frame, into `out`: as recorded, or from the positions around. */
   velocityOf(n: number, frame = this.frame, out: Vec = [0, 0, 0]): Vec {
     if (this.velocity) return this.recorded(this.velocity, this.facts.arrays.velocity!.step!, n, frame, out);
-    const i = this.begin(frame);
-    const span = this.span(i);
-    const scale = span > 0 ? this.facts.arrays.position.step! / span : 0;
-    const at = 3 * (this.count * i + n);
-    for (let k = 0; k < 3; k++) out[k] = scale * (this.position[at + 3 * this.count + k] - this.position[at + k]);
+    return this.slope(n, frame, this.travel, out);
+  }
+
+  /** Spatial angular velocity of body n, likewise; attitudes cannot tell whole turns. */
+  spinOf(n: number, frame = this.frame): Vec {
+    if (this.spin) return this.recorded(this.spin, this.facts.arrays.angular_velocity!.step!, n, frame, [0, 0, 0]);
+    return this.slope(n, frame, this.rotation, [0, 0, 0]);
+  }
+
+  /**
+   * Rate at a frame, into `out`. What happens between two frames gives the mean rate, that of their middle; two such lie on
+   * a straight line: one before and one after the frame, or the nearest two on the side that has them.
+   */
+  private slope(n: number, frame: number, change: (n: number, i: number, out: Vec) => void, out: Vec): Vec {
+    const before = this.joined(n, frame - 1);
+    const after = this.joined(n, frame);
+    out.fill(0);
+    if (!before && !after) return out;
+    const near = before ? frame - 1 : frame;
+    const other = before && !after ? frame - 2 : near + 1;
+    const { time } = this;
+    change.call(this, n, near, out);
+    const span = time[near + 1] - time[near];
+    for (let k = 0; k < 3; k++) out[k] /= span;
+    if (!this.joined(n, other)) return out;
+    const second = this.second;
+    change.call(this, n, other, second);
+    const away = time[other + 1] - time[other];
+    const share = (2 * time[frame] - time[near] - time[near + 1]) / (time[other] + time[other + 1] - time[near] - time[near + 1]);
+    for (let k = 0; k < 3; k++) out[k] += share * (second[k] / away - out[k]);
     return out;
   }
 
-  /** Spatial angular velocity of body n, likewise; differences cannot tell whole turns. */
-  spinOf(n: number, frame = this.frame): Vec {
-    if (this.spin) return this.recorded(this.spin, this.facts.arrays.angular_velocity!.step!, n, frame, [0, 0, 0]);
-    const i = this.begin(frame);
-    const span = this.span(i);
-    if (span <= 0) return [0, 0, 0];
+  /** Whether a body is there at a frame and at the next. */
+  private joined(n: number, i: number): boolean {
+    return i >= 0 && i < this.frames - 1 && this.time[i + 1] > this.time[i] && this.present(n, i) && this.present(n, i + 1);
+  }
+
+  /** By how much a body moves from a frame to the next. */
+  private travel(n: number, i: number, out: Vec): void {
+    const step = this.facts.arrays.position.step!;
+    const at = 3 * (this.count * i + n);
+    for (let k = 0; k < 3; k++) out[k] = step * (this.position[at + 3 * this.count + k] - this.position[at + k]);
+  }
+
+  /** By how much it turns, the short way round. */
+  private rotation(n: number, i: number, out: Vec): void {
     const q = this.orientation;
     const a = 4 * (this.count * i + n);
     const b = a + 4 * this.count;
     const [ax, ay, az, aw, bx, by, bz, bw] = [...q.subarray(a, a + 4), ...q.subarray(b, b + 4)].map((c) => c / 32767);
     const [x, y, z, w] = turnBetween(ax, ay, az, aw, bx, by, bz, bw);
     const sine = Math.hypot(x, y, z);
-    const scale = sine > 1e-9 ? (2 * Math.atan2(sine, w)) / (sine * span) : 0;
-    return [x * scale, y * scale, z * scale];
-  }
-
-  /** The frame at which the interval of a frame begins: its own, but for the last. */
-  private begin(frame: number): number {
-    return Math.min(frame, Math.max(0, this.frames - 2));
-  }
-
-  private span(frame: number): number {
-    return this.frames > 1 ? this.time[frame + 1] - this.time[frame] : 0;
+    const scale = sine > 1e-9 ? (2 * Math.atan2(sine, w)) / sine : 0;
+    [out[0], out[1], out[2]] = [x * scale, y * scale, z * scale];
   }
 
   private recorded(values: Int32Array, step: number, n: number, frame: number, out: Vec): Vec {

@@ -57,6 +57,8 @@ export class Stage {
     this.renderer = new WebGLRenderer({ antialias: true, alpha: false, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // our shaders write sRGB themselves
     this.canvas = this.renderer.domElement;
+    this.canvas.setAttribute("role", "img");
+    this.canvas.setAttribute("aria-label", "Balls and walls at the time shown");
     host.append(this.canvas);
     const { up, across, floors, size } = this.world;
     const floor = floors[0];

@@ -255,7 +255,7 @@ class Live:
                     handle.position = self._scale * wall.position[frame]
                     handle.wxyz = wall.orientation[frame]
                     handle.visible = bool(wall.present[frame])
-            state = "running" if result.is_being_written else result.outcome.brief
+            state = "running" if result.is_being_written else result.outcome.where
             self._words.content = _paragraph(
                 f"t = {result.time[frame]:.6g} s, frame {frame + 1} of {self.frames}; {state}"
             )

@@ -100,7 +100,10 @@ def write_html(
 
     frames, bodies = facts["arrays"]["time"]["shape"][0], len(facts["names"])
     notes = _notes(frames, frames_recorded, stride, bodies, bodies_recorded, every, max_mb)
-    facts["notes"] = notes = _warnings(result) + notes + facts["notes"]
+    if "velocity" not in facts["arrays"]:
+        notes.append("Velocities and spins are differences between frames.")
+    ended = [] if result.outcome.ok else [f"Not finished: {result.outcome.where}."]
+    facts["notes"] = notes = ended + _warnings(result) + notes + facts["notes"]
     text = shell.fill(title, json.dumps(facts, separators=(",", ":")), packed)
     write_whole(target, text, durable=False, parents=True)  # a full disk leaves the old page in place
     return ViewInfo(target, len(text), frames, frames_recorded, bodies, bodies_recorded, tuple(notes))
