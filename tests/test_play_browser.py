@@ -234,3 +234,17 @@ def test_a_table_that_cannot_be_drawn_leaves_the_old_one(
     wait(page, "play.aiming()")
     page.press("u", "u")
     wait(page, "play.state().shots === 0 && play.aiming()")
+
+
+def test_on_a_telephone_the_shot_is_in_sight_with_the_table(table: tuple[Server, Browser]) -> None:
+    server, _ = table
+    with Browser(size=(400, 700)) as browser:
+        browser.visit(server.url, "play")
+        wait(browser, "play.aiming()")
+        for down in (0, 1000):
+            browser.evaluate(f"document.getElementById('cue').scrollTop = {down}")
+            top, bottom = browser.evaluate(
+                "(({top, bottom}) => [top, bottom])(document.getElementById('shoot').getBoundingClientRect())"
+            )
+            felt = browser.evaluate("document.getElementById('felt').getBoundingClientRect().bottom")
+            assert felt <= top < bottom <= 700
