@@ -137,6 +137,18 @@ def test_a_directory_that_comes_meanwhile_is_no_file(tmp_path: Path, monkeypatch
         RunDir.create(tmp_path)
 
 
+@pytest.mark.parametrize("until", [1e12, 1e300])
+def test_a_run_is_continued_by_no_more_steps_than_one_may_have(
+    scene: Any, tmp_path: Path, until: float
+) -> None:
+    """A search for frames among as many had no end."""
+    carom.simulate(scene, until=0.01, out=tmp_path / "run")
+    with pytest.raises(CaromError, match=r"more than 10\^12 steps"):
+        carom.resume(tmp_path / "run", until=until)
+    assert carom.load(tmp_path / "run").status == "done"
+    assert thinned(10**12 - 11) == 10**9  # it divides nothing, and is found at once
+
+
 def test_what_is_not_a_run_is_called_so(tmp_path: Path) -> None:
     with pytest.raises(CaromError, match="no such run directory"):
         carom.load(tmp_path / "absent")

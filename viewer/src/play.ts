@@ -177,7 +177,7 @@ class Play {
         await carom.ready;
         // Of balls at rest there is nothing to play.
         const clock = page.querySelectorAll<HTMLElement>("#track, .group:has(#play), #clock, .speed");
-        if (this.state.still) clock.forEach((part) => (part.style.visibility = "hidden"));
+        clock.forEach((part) => (part.hidden = this.state.still));
         for (const id of ["fit", "top", "side", "end"] as const) {
           page.getElementById(id)!.addEventListener("click", () => (this.preset = id));
         }

@@ -25,6 +25,7 @@ from carom.run.watch import Watch
 from carom.scene.assembly.arrays import identify
 from carom.scene.checks.areas import first_area_to_go
 from carom.scene.checks.attachments import check_rods
+from carom.scene.checks.rules import check_times
 from carom.scene.plan import Plan
 from carom.scene.scene import Scene
 
@@ -102,7 +103,8 @@ def relaunch(
     scene = old
     if options:
         scene = old.overridden(options, places) if places else old.with_options(**options)
-    scene._judged(check_rods, advice=lambda parts: ())  # `until` may be later than that of the run that began
+    # `until` may be later than that of the run that began.
+    scene._judged(lambda parts: [*check_times(parts), *check_rods(parts)], advice=lambda parts: ())
     run = Run(scene)
     if (gone := first_area_to_go(scene._walls(), scene.world.periodic)) is not None:
         gone.refuse(run.plan.until, "until")

@@ -16,6 +16,8 @@ STEP_BYTES = 250
 #: Steps by which `until` may be beyond a whole number of them without one more, for it is rounded as the step is. Of very
 #: many steps rounding is larger: this part of their number.
 SLACK, SLACK_PART = 1e-9, 1e-15
+#: Distances between frames that are tried for one that divides the steps: more take seconds.
+MOST_TRIED = 100_000
 
 
 @dataclass(frozen=True)
@@ -79,4 +81,5 @@ def whole_steps(until: float, step: float) -> int:
 def thinned(steps: int, frames: int = 1000) -> int:
     """Steps between frames for about `frames` of them; if possible a divisor of `steps`, so that the last step is one."""
     least = max(1, math.ceil(steps / frames))
-    return next((n for n in range(least, 2 * least) if steps % n == 0), least)
+    most = min(2 * least, least + MOST_TRIED)
+    return next((n for n in range(least, most) if steps % n == 0), least)

@@ -128,7 +128,7 @@ SECTIONS = ("material", "contact", *BALLS, *WALLS, "outlet", *MECHANICS)
 
 def check(parts: Parts) -> Iterator[Finding]:
     """Everything that forbids a run."""
-    yield from _times(parts)
+    yield from check_times(parts)
     crowd = list(_crowd(parts))
     yield from crowd
     if crowd:
@@ -165,7 +165,8 @@ def steps(run: RunBase) -> int:
     return whole_steps(run.until or 0.0, run.step)
 
 
-def _times(parts: Parts) -> Iterator[Finding]:
+def check_times(parts: Parts) -> Iterator[Finding]:
+    """An end that there is, and that some steps reach, but not too many."""
     run = parts.run
     if run is None:
         return
