@@ -223,9 +223,9 @@ def test_directories_of_runs_are_known(folder: Path, tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--solver", "sweep"], "--solver: none is called 'sweep'; did you mean sweeps?"),
-        (["--tol", "0"], "tol: 0.0; it must be a finite number above 0"),
-        (["--tol", "nan"], "tol: nan"),
-        (["--time-limit", "0"], "time_limit: 0.0"),
+        (["--tol", "0"], "--tol: must be positive, found 0"),
+        (["--tol", "nan"], "--tol: must be positive, found nan"),
+        (["--time-limit", "0"], "--time-limit: must be positive, found 0"),
         (["--threads", "0"], "--threads"),
         (["--max-iterations", "-1"], "--max-iterations"),
     ],

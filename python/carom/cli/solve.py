@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -113,6 +114,11 @@ def solve(
         return DONE
     if format_ is not None and out is None:
         raise typer.BadParameter("--format: nothing is drawn without -o DIR; add it, or leave --format out")
+    for name, value in (("--tol", tol), ("--time-limit", time_limit)):
+        if value is not None and not 0 < value < math.inf:
+            raise typer.BadParameter(
+                f"{name}: must be positive, found {value:g}; write a number that is positive"
+            )
     formats = _formats(format_ or "png") if out is not None else []
     refuse_existing("--solution", solution, force)
     paths = list(dict.fromkeys(path for given in files for path in _expanded(given)))

@@ -153,8 +153,8 @@ def converge(
     `angular_velocity` or `orientation` of all spheres, or of one (`velocity:cue`), or one component
     (`velocity:cue:x`); by default the first three, or what the formulas give.
     Errors are those of eq. 45 over the instants of each run up to `until` (s), or at the
-    times `at` (s) alone. `case` and `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of
-    `[run]`, for all runs. What makes an order doubtful is in `remarks` of the result.
+    times `at` (s) alone, of which the last ends the runs. `case` and `parameters` choose a variant of a file, as in
+    `Scene.from_toml`; `options` are keys of `[run]`, for all runs. What makes an order doubtful is in `remarks`.
     """
     scene = scene_of(scene, "converge", case=case, parameters=parameters)
     at = [float(at)] if isinstance(at, (int, float)) else [float(t) for t in at]
