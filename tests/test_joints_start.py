@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import carom
 import numpy as np
 import pytest
 from carom import ScenarioError, Scene
@@ -148,6 +149,40 @@ def test_joints_that_say_the_same_are_told_at_once() -> None:
     (advice,) = scene.validate()
     assert str(advice).count("3 of the 3 conditions") == 3
     assert "some of 1 more hold the same motion as other joints" in str(advice)
+
+
+def beads(*, bend: float = 0.0) -> Scene:
+    """Two balls of 0.1 m, the second bent by an angle about the point where they touched."""
+    scene = Scene(gravity=(0, 0, -9.8), run={"until": 0.2, "step": 1e-3})
+    scene.contact("m", "m", friction=0.1, restitution=0.5)
+    at = (0.1 + 0.1 * np.cos(bend), 0, -0.1 * np.sin(bend))
+    scene.sphere("a", radius=0.1, mass=1, at=(0, 0, 0), material="m")
+    scene.sphere("b", radius=0.1, mass=1, at=at, material="m")
+    scene.joint("fix", body="a")
+    scene.joint("lock", body="a")
+    return scene
+
+
+def test_balls_that_joints_hold_apart_may_overlap_at_the_start() -> None:
+    """A chain of beads that has bent is a start like any other: its run goes on as if it had not stopped."""
+    scene = beads(bend=0.5)
+    assert "overlap at the start" in start_error(scene)
+    scene.joint("ball", between=["a", "b"], point=(0.1, 0, 0))
+    assert scene.validate() == []
+
+    straight = beads()
+    straight.joint("ball", between=["a", "b"], point=(0.1, 0, 0))
+    whole, half = carom.simulate(straight), carom.simulate(straight, until=0.1)
+    rest = Scene(gravity=(0, 0, -9.8), run={"until": 0.1, "step": 1e-3})
+    rest.contact("m", "m", friction=0.1, restitution=0.5)
+    rest.spheres_from(half)
+    assert "overlap at the start" in start_error(rest)
+    for kind in ("fix", "lock"):
+        rest.joint(kind, body="a")
+    rest.joint("ball", between=["a", "b"], point=(0.1, 0, 0))
+    went_on = carom.simulate(rest)
+    assert float(went_on.position[-1, 1, 2]) < -0.05
+    np.testing.assert_allclose(went_on.position[-1], whole.position[-1], rtol=0, atol=2e-5)
 
 
 def test_many_joints_are_checked_one_by_one() -> None:

@@ -17,8 +17,7 @@ import numpy as np
 from carom.arrays import F64
 from carom.errors import quoted
 from carom.scene.assembly.distances import gaps, normals
-from carom.scene.assembly.held_apart import held_apart
-from carom.scene.assembly.mechanics import Rows, joints_for_core, numbers
+from carom.scene.assembly.mechanics import Rows
 from carom.scene.checks.carriers import Carrier
 from carom.scene.checks.joint_start import MOST_ROWS, Group, groups
 from carom.scene.checks.overlap import overlaps
@@ -126,13 +125,9 @@ def _touches(parts: Whole, systems: Joined) -> Iterator[Touch]:
         ).tolist():
             normal = normals(wall, position[k : k + 1])[0]
             yield Touch(held[k], None, normal, float(gap[k]), wall, called(wall), wall.material)
-    joints = [joint for _, joint in parts.tables(Joint)]
-    free = held_apart(joints_for_core(joints, bodies, numbers(bodies)), bodies.radius, bodies.clump)
-    together = bodies.clump[there]
-    for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, parts.periods, together):
+    no_contact = parts.no_contact(there)
+    for i, j, apart in overlaps(position, radius, -TOUCHING, MOST_ROWS, parts.periods, no_contact):
         a, b = held[i], held[j]
-        if free.holds(np.array([a]), np.array([b]))[0]:
-            continue
         away = bodies.position[a] - bodies.position[b]
         for k, period in enumerate(parts.periods or ()):
             away[k] -= period * round(away[k] / period) if period else 0.0

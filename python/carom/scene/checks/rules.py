@@ -8,16 +8,18 @@ mistake gives one message.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, TypeVar
 
 import numpy as np
 
+from carom.arrays import I64, Bool
 from carom.errors import did_you_mean, quoted
 from carom.scene.assembly.bodies import Bodies, expand
-from carom.scene.assembly.mechanics import MECHANICS
+from carom.scene.assembly.held_apart import held_apart
+from carom.scene.assembly.mechanics import MECHANICS, joints_for_core, numbers
 from carom.scene.assembly.placing import Placed, placed_walls
 from carom.scene.checks.areas import check_areas
 from carom.scene.checks.attachments import check_names, check_rods
@@ -34,6 +36,7 @@ from carom.scene.tables.balls import MOST_BALLS, Generator
 from carom.scene.tables.base import Table
 from carom.scene.tables.clumps import Clump
 from carom.scene.tables.flow import Inflow
+from carom.scene.tables.joints import Joint
 from carom.scene.tables.model import REPEATED, Contact, Material, Record, Scenario, World
 from carom.scene.tables.options import RunBase
 from carom.scene.tables.walls import WALLS
@@ -97,6 +100,16 @@ class Parts:
             self._bodies = expand(self.entries, self.materials())
         return self._bodies
 
+    def no_contact(self, bodies: I64) -> Callable[[I64, I64], Bool]:
+        """Which pairs of these bodies, numbered as they are listed, have no contact."""
+        every = self.bodies()
+        number = numbers(every) if self.entries["joint"] else {}
+        named = [(joint, joint.between or [joint.body]) for _, joint in self.tables(Joint)]
+        # Balls that could not be read have no number.
+        joined = joints_for_core([j for j, names in named if {*names} <= number.keys()], every, number)
+        held = held_apart(joined, every.radius, every.clump)
+        return lambda a, b: held.holds(bodies[a], bodies[b])
+
     def place(self, body: int) -> tuple[str, int, str]:
         """The key that says where a ball is, with its table."""
         section, index = self.bodies().origin(body)
@@ -155,7 +168,8 @@ def check(parts: Parts) -> Iterator[Finding]:
         yield from check_areas(parts)
         yield from check_size(parts)
         yield from check_flow(parts)
-        yield from _overlaps(parts)
+        if not wrong_names and "joint" not in parts.damaged:  # they say which balls may overlap
+            yield from _overlaps(parts)
         if not wrong_names and not parts.balls_damaged():
             yield from check_start(parts)
 
@@ -354,9 +368,8 @@ def _overlaps(parts: Parts) -> Iterator[Finding]:
     bodies = parts.bodies()
     there = np.flatnonzero(bodies.present)
     position, radius = bodies.position[there], bodies.radius[there]
-    together = bodies.clump[there]
     admitted = start_overlap(parts)
-    for first, second, gap in overlaps(position, radius, admitted, MOST, parts.periods, together):
+    for first, second, gap in overlaps(position, radius, admitted, MOST, parts.periods, parts.no_contact(there)):
         a, b = int(there[first]), int(there[second])
         too_deep = -gap - (admitted - TOUCHING) * min(radius[first], radius[second])
         names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
