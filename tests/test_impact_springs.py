@@ -236,3 +236,38 @@ def test_what_a_squeeze_leaves_is_no_impact_of_the_next_step(law: str, method: s
     result = simulated(scene, impact=law, method=method, step=1e-4, until=1e-3)
     assert np.abs(result.velocity[-1]).max() < 1e-13
     assert np.asarray(result.impacts["step"]).max() <= 2
+
+
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+@pytest.mark.parametrize("drop", [0.02, 0.08, 0.2])
+def test_a_ball_on_an_arm_rebounds_by_its_closed_form(law: str, drop: float) -> None:
+    """Normal speed and slip come to rest at once, and friction turns around: of the arm's lever x and the contact's depth z
+    below its end, the torque is (x + mu z) of the normal impulse before and (x - mu z) after. Across, little resists.
+    """
+    friction, e, arm, radius = 0.3, 0.6, 0.3, 0.05
+    for turn in (0.0, 0.4, 0.8, 2.0):  # friction has axes of its own, which are not those of the arm
+        angle = 0.2 - math.asin(drop / arm)
+        scene = carom.Scene(gravity=(0, 0, 0), run={"until": 0.45, "step": 1e-4})
+        scene.contact("m", "floor", friction=friction, restitution=e)
+        scene.contact("m", "m", friction=friction, restitution=e)
+        across = np.array([-math.sin(turn), math.cos(turn), 0])
+        at = arm * np.array(
+            [math.cos(turn) * math.cos(angle), math.sin(turn) * math.cos(angle), math.sin(angle)]
+        )
+        scene.sphere(
+            "ball",
+            radius=radius,
+            mass=1,
+            at=at,
+            velocity=np.cross(across, at),
+            angular_velocity=across,
+            material="m",
+        )
+        scene.plane("floor", material="floor", point=(0, 0, -drop - radius), normal=(0, 0, 1))
+        scene.joint("fix", body="ball", point=(0, 0, 0))
+        run = carom.simulate(scene, impact=law, every=1, impacts=True)
+        assert run.summary["fallbacks"] == 0
+        assert len(run.impacts) == 1
+        x, z = math.sqrt(arm**2 - drop**2), drop + radius
+        expected = -e * math.sqrt((x - friction * z) / (x + friction * z))
+        assert float(run.angular_velocity[-1, 0] @ across) == pytest.approx(expected, rel=2e-3)

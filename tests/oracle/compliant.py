@@ -14,6 +14,20 @@ CLOSING = 1e-8
 SWEEPS, SETTLED = 100, 1e-13
 
 
+def on_disc(block: F64, free: F64, radius: float) -> F64:
+    """The l of at most `radius` with the least `l . block l / 2 + free . l`, by bisection for its multiplier."""
+    own, axes = np.linalg.eigh(block)
+    own, along = np.maximum(own, 1e-14 * own[-1]), -(free @ axes)
+    low, high = 0.0, float(np.hypot(*along)) / radius
+    if np.hypot(*(along / own)) <= radius:
+        high = 0.0
+    while high - low > 1e-15 * (own[-1] + high):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.hypot(*(along / (own + middle))) > radius else (low, middle)
+    found: F64 = axes @ (along / (own + high))
+    return found
+
+
 def spring_impulses(island: Island) -> F64:
     """Impulses (m,) from the velocities before the step; of contacts, which joints answer."""
     lay, gaps = island.layout, island.model.options.impact != "binary"
@@ -28,11 +42,6 @@ def spring_impulses(island: Island) -> F64:
         for e in island.elements
     ]
     p = SPRINGS[island.model.options.impact] or island.model.options.impact_exponent
-    # the largest inverse mass of each contact's friction: no less, or sweeps swing
-    steep = [
-        float(np.linalg.eigvalsh(coupling[n + 1 : n + 3, n + 1 : n + 3])[-1]) if e.slides else 0.0
-        for e, n in zip(island.elements, start, strict=True)
-    ]
     impulses = np.zeros(lay.rows)
     depth, top = [0.0] * len(start), [0.0] * len(start)
     least = CLOSING * max(0.0, *(-z[n] for n in start))
@@ -63,11 +72,11 @@ def spring_impulses(island: Island) -> F64:
             for i, n in enumerate(start):
                 e = island.elements[i]
                 bound = e.discs[0].bound if e.slides else 0.0
-                if bound * given[n] <= 0.0 or steep[i] <= 1e-12 * inverse[n]:
-                    continue
                 rows = slice(n + 1, n + 3)
-                wanted = given[rows] - z[rows] / steep[i]
-                wanted *= min(1.0, bound * given[n] / max(float(np.hypot(*wanted)), 1e-300))
+                block = coupling[rows, rows]
+                if bound * given[n] <= 0.0 or np.trace(block) <= 1e-12 * inverse[n]:
+                    continue
+                wanted = on_disc(block, z[rows] - block @ given[rows], bound * given[n])
                 step = wanted - given[rows]
                 given[rows] = wanted
                 z[:] += coupling[:, rows] @ step

@@ -7,6 +7,7 @@ pub mod clusters;
 mod companion;
 pub mod cone;
 pub mod direct;
+pub mod disc;
 pub mod hold;
 mod island;
 mod judge;

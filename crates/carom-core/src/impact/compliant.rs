@@ -19,7 +19,8 @@ use super::sequence::{end, loads, loads_first, solve_problem, ImpactIsland, Star
 use crate::contact::Contact;
 use crate::model::{ContactLaw, Model};
 use crate::options::{Impact, Options};
-use carom_solve::rows::{RowSystem, NODE_DOF};
+use carom_solve::disc::on_disc;
+use carom_solve::rows::{RowContact, RowSystem, NODE_DOF};
 
 /// Steps for each unit `(m/k)^(2/5) v^(-1/5)` of time, of which a free collision takes 3.2. The error goes with its square: at 500 the last of ten
 /// balls is right to 1e-6. It goes with the speeds too, so fewer do where those of a contact have died out, down to the second: below, a spring is no
@@ -39,6 +40,9 @@ const SETTLED: f64 = 1e-11;
 const UNSETTLED: f64 = 1e-6;
 /// Kicks (1) whose friction has not settled after which what is left of all so far is judged: about those of an impact. More: what will not be solved takes longer.
 const MANY_UNSETTLED: usize = 2_000;
+
+/// Share (1) from which on inverse masses of friction differ by direction. At 0 the rounding of those of balls is such a difference.
+const UNEVEN: f64 = 1e-9;
 
 /// Loads, then the impact as a whole, then what the loads have closed meanwhile. An impact that was cut goes on by Newton's law.
 #[must_use]
@@ -102,9 +106,14 @@ pub fn impulses(
     courses: &mut Courses,
 ) -> Option<(Vec<f64>, bool)> {
     let contacts = &system.contacts[..springs.len()];
+    let reduced = Reduced::new(system, springs.len());
     let mut at = Springs {
         system,
-        reduced: Reduced::new(system, springs.len()),
+        planes: contacts
+            .iter()
+            .map(|c| plane(system, &reduced, c))
+            .collect(),
+        reduced,
         springs,
         keeps_gaps: o.impact != Impact::Binary,
         exponent: o.impact_exponent,
@@ -147,8 +156,17 @@ pub fn impulses(
     (left <= UNSETTLED * given).then_some((at.lambda, true))
 }
 
+/// Inverse masses of the friction of a contact where its directions differ, as of clumps and by joints; of balls alone they do not.
+fn plane(system: &RowSystem, reduced: &Reduced, c: &RowContact) -> Option<[f64; 3]> {
+    let of = (c.bounds.sliding > 0.0).then(|| reduced.friction(system, c))?;
+    let [xx, xy, yy] = of;
+    ((xx - yy).abs().max(xy.abs()) > UNEVEN * xx.max(yy)).then_some(of)
+}
+
 struct Springs<'a> {
     system: &'a RowSystem,
+    /// What [`plane`] says of each contact.
+    planes: Vec<Option<[f64; 3]>>,
     reduced: Reduced,
     springs: &'a [ContactSpring<'a>],
     keeps_gaps: bool,
@@ -270,14 +288,21 @@ impl Springs<'_> {
         if most <= 0.0 {
             return 0.0;
         }
-        let inverse = &self.reduced.inverse[c.rows()];
-        if inverse[1] <= 0.0 {
-            return 0.0;
-        }
-        let wanted = [(1, x), (2, y)].map(|(r, had)| had - self.measure(i, r) / inverse[r]);
-        let size = wanted[0].hypot(wanted[1]);
-        let scale = if size > most { most / size } else { 1.0 };
-        let change = [scale * wanted[0] - x, scale * wanted[1] - y];
+        let slip = [1, 2].map(|r| self.measure(i, r));
+        let wanted = if let Some(plane @ [xx, xy, yy]) = self.planes[i] {
+            let free = [slip[0] - xx * x - xy * y, slip[1] - xy * x - yy * y];
+            on_disc(plane, free, most)
+        } else {
+            let inverse = &self.reduced.inverse[c.rows()];
+            if inverse[1] <= 0.0 {
+                return 0.0;
+            }
+            let wanted = [x - slip[0] / inverse[1], y - slip[1] / inverse[2]];
+            let size = wanted[0].hypot(wanted[1]);
+            let scale = if size > most { most / size } else { 1.0 };
+            wanted.map(|w| scale * w)
+        };
+        let change = [wanted[0] - x, wanted[1] - y];
         self.give(i, 1, change[0]);
         self.give(i, 2, change[1]);
         change[0].hypot(change[1])

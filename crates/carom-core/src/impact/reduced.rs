@@ -4,19 +4,15 @@
 //! With `y = M^-1/2 G^T` of a row, joints leave the part of it that is orthogonal to theirs. Gram and Schmidt's basis needs no factor of a matrix that
 //! redundant joints make singular.
 
-use carom_solve::cone::MAX_ROWS;
 use carom_solve::rows::{RowContact, RowSystem};
 
 /// Part (1) of a row below which other joints have all of it. At 0 a joint that is said twice is rounding, and rounding a direction.
 const HELD: f64 = 1e-9;
-/// Share (1) by which rows of friction differ that are not those of balls.
-const UNEVEN: f64 = 1e-9;
-
 /// What rows of contacts do; without joints as the system says.
 pub struct Reduced {
     /// Velocities (6 per node) for a unit impulse; none without joints.
     response: Vec<Vec<f64>>,
-    /// Inverse mass; of the rows of friction the largest one of their plane.
+    /// Inverse mass.
     pub inverse: Vec<f64>,
     /// Measures before impulses.
     pub free: Vec<f64>,
@@ -32,9 +28,6 @@ impl Reduced {
             free: system.z0.clone(),
         };
         if joints.is_empty() {
-            for c in contacts.iter().filter(|c| c.bounds.sliding > 0.0) {
-                found.share_largest(system, c);
-            }
             return found;
         }
         let root = root_of_inverse_mass(system);
@@ -50,35 +43,17 @@ impl Reduced {
             }
         }
         for c in contacts {
-            let first = found.response.len();
             for row in c.rows() {
                 let (y, z) = left(system, c, row, &root, &basis);
                 found.free[row] = z;
                 found.inverse[row] = dot(&y, &y);
                 found.response.push(y);
             }
-            if let [_, x, y, ..] = &found.response[first..] {
-                let [xx, yy, xy] = [dot(x, x), dot(y, y), dot(x, y)];
-                let largest = 0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy);
-                found.inverse[first + 1..first + 3].fill(largest);
-            }
         }
         for y in &mut found.response {
             y.iter_mut().zip(&root).for_each(|(y, root)| *y *= root);
         }
         found
-    }
-
-    /// Both rows of friction of a contact with clumps get the largest inverse mass of their plane. Of balls both are that, but for rounding.
-    fn share_largest(&mut self, system: &RowSystem, c: &RowContact) {
-        let mut block = [[0.0; MAX_ROWS]; MAX_ROWS];
-        system.delassus_block(c, c, &mut block);
-        let [xx, yy, xy] = [block[1][1], block[2][2], block[1][2]];
-        if (xx - yy).abs().max(xy.abs()) > UNEVEN * xx.max(yy) {
-            let largest = 0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy);
-            let row = c.row as usize;
-            self.inverse[row + 1..row + 3].fill(largest);
-        }
     }
 
     /// Inverse masses of both rows of friction of a contact: of the first, between both, of the second.
