@@ -369,7 +369,8 @@ def _overlaps(parts: Parts) -> Iterator[Finding]:
     there = np.flatnonzero(bodies.present)
     position, radius = bodies.position[there], bodies.radius[there]
     admitted = start_overlap(parts)
-    for first, second, gap in overlaps(position, radius, admitted, MOST, parts.periods, parts.no_contact(there)):
+    no_contact = parts.no_contact(there)
+    for first, second, gap in overlaps(position, radius, admitted, MOST, parts.periods, no_contact):
         a, b = int(there[first]), int(there[second])
         too_deep = -gap - (admitted - TOUCHING) * min(radius[first], radius[second])
         names = f"{quoted(bodies.names[a])} and {quoted(bodies.names[b])}"
