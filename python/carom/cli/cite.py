@@ -29,9 +29,10 @@ def cite(
 
     scene = None
     if what is not None:
+        from carom.result.directory import RunDir
         from carom.scene.scene import Scene
 
-        scene = Scene.from_toml(what / "scenario.toml" if what.is_dir() else what)
+        scene = Scene.from_toml(RunDir.open(what).scenario if what.is_dir() else what)
     found = sources(scene)
     if as_json:
         emit({"version": carom.__version__, "bibtex": bibtex(), "sources": found})

@@ -112,7 +112,7 @@ class RunDir:
         ):
             path = path.parent  # a file inside the directory, as completion in a shell offers it
         if not path.exists():
-            raise CaromError(f"{path}: no such run directory")
+            raise CaromError(f"{path}: no such run directory; check the path, `carom run SCENARIO` makes one")
         for pattern in _READ:
             for file in path.glob(pattern):
                 regular(file)

@@ -247,7 +247,8 @@ def tables(path: Path, keys: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
             raise CaromError(f"{path}: expected a table, write [{section}] and its keys below")
         _known(path, section, raw.get(section, {}), keys)
     if raw.get("format") != FORMAT:
-        raise CaromError(f"{path}: format = {raw.get('format')!r}; write format = {FORMAT} at the top")
+        found = f"format = {raw['format']!r}" if "format" in raw else "format is missing"
+        raise CaromError(f"{path}: {found}; write format = {FORMAT} at the top")
     if not isinstance(raw.get("scenario"), str):
         raise CaromError(f'{path}: scenario is missing; write scenario = "FILE.toml"')
     if not isinstance(raw.get("keep", {}).get("runs", False), bool):
