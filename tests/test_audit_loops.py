@@ -56,3 +56,16 @@ def test_what_joints_add_is_what_bodies_do() -> None:
     moved = np.sqrt(run.mass)[:, None] * (block.v1 - block.v0) / STEP
     mean = 0.5 * (first + last).reshape(-1, 2, 6)[..., :3]
     assert np.abs(moved - mean)[5:].max() < 0.01 * np.abs(mean).max()
+
+
+@pytest.mark.parametrize("every", [1, 5, 10])
+def test_a_ball_that_rests_below_its_arm_is_right_in_any_frames(every: int) -> None:
+    """In each step it falls a little on its arm before the floor has it: the smooth reaction acts at that place of the arm."""
+    scene = carom.Scene("arm", gravity=(0, 0, -9.8), run={"step": 1e-3, "until": 0.05})
+    scene.contact("m", "m", friction=0, restitution=0.9)
+    scene.sphere("a", radius=0.05, mass=3, material="m", at=(0, 0, 0.05))
+    scene.plane("floor", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    scene.joint("fix", body="a", point=(0.01, 0.28, 0.3))
+    report = carom.audit.check(carom.simulate(scene, every=every, contacts=True))
+    assert report.ok, report.findings
+    assert report["spin"].judged == 50 // every
