@@ -60,7 +60,7 @@ def test_what_joints_add_is_what_bodies_do() -> None:
 
 @pytest.mark.parametrize("every", [1, 5, 10])
 def test_a_ball_that_rests_below_its_arm_is_right_in_any_frames(every: int) -> None:
-    """In each step it falls a little on its arm before the floor has it: the smooth reaction acts at that place of the arm."""
+    """In each step it falls a little before the floor has it: the smooth reaction acts where the arm is then."""
     scene = carom.Scene("arm", gravity=(0, 0, -9.8), run={"step": 1e-3, "until": 0.05})
     scene.contact("m", "m", friction=0, restitution=0.9)
     scene.sphere("a", radius=0.05, mass=3, material="m", at=(0, 0, 0.05))
