@@ -213,7 +213,7 @@ def test_the_impulse_without_a_scene_takes_and_refuses_what_a_strike_does() -> N
     ):  # fmt: skip
         with pytest.raises(CaromError, match=f"^cue_impulse: {said}"):
             cue_impulse(**{"direction": 0.0, "speed": 1.0, **BALL, **keys})  # type: ignore[arg-type]
-    with pytest.warns(carom.CaromWarning, match="^cue_impulse: the tip is 0.6 radii off") as told:
+    with pytest.warns(carom.CaromWarning, match="^cue_impulse: the tip is 0.6 of a radius off") as told:
         cue_impulse(direction=0.0, speed=1.0, side=0.6, **BALL)
     assert told[0].filename == __file__
 

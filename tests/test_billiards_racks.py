@@ -239,6 +239,8 @@ def test_wrong_aims_are_told() -> None:
     ):
         with pytest.raises(CaromError, match=said):
             t.aim(cue, ball, *given, **keys)  # type: ignore[arg-type]
+    with pytest.raises(carom.CaromError, match="aim: 'cue' is aimed at itself"):
+        t.aim(cue, cue, "foot left")
     with pytest.raises(CaromError, match="overlap"):
         t.aim(cue, t.ball(scene, "near", (0.92, 0.4)), cut=0.0)
     carom_table = table("carom")

@@ -190,6 +190,23 @@ def test_what_parts_bodies_that_touch_has_no_derivative(gap: float) -> None:
     np.testing.assert_allclose(along.of("cue")[[0, 2], 0], [1.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.parametrize(("friction", "speed"), [(0.1, 1.0), (0.2, 2.0), (0.3, 3.0)])
+def test_the_error_covers_what_frames_would_round(friction: float, speed: float) -> None:
+    """A ball that rolls at last has 5/7 of its speed, whatever the friction: all that is found is rounding."""
+    scene = carom.Scene("roll", gravity=(0, 0, -G), run={"method": "events", "until": 0.7, "step": 1e-3})
+    scene.contact("b", "c", friction=friction, restitution=0)
+    scene.plane("p", point=(0, 0, 0), normal=(0, 0, 1), material="c")
+    scene.sphere("a", radius=R, mass=0.17, at=(0, 0, R), velocity=(speed, 0, 0), material="b")
+    found = carom.sensitivity(scene, ["a.velocity.x", "b/c.friction"])
+    for k, got, exact, size in (
+        (0, found.position[0, 0, 0], 3.5 / 7 + 4 * speed / (49 * friction * G), 0.7),
+        (1, found.position[1, 0, 0], -2 * speed**2 / (49 * friction**2 * G), 3.5 / 7 * speed / friction),
+        (1, found.velocity[1, 0, 0], 0.0, 5 / 7 * speed / friction),
+        (1, found.angular_velocity[1, 0, 1], 0.0, 5 / 7 * speed / R / friction),
+    ):
+        assert abs(got - exact) <= found.error[k] * size < 1e-8 * size
+
+
 @pytest.mark.parametrize("t", [0.1, 0.7])
 def test_a_ball_on_its_bed_that_is_thrown_up_or_down(t: float) -> None:
     """The bed gives m (g t - v_z) either way: the speed of the slide grows by mu v_z, and it rolls v_z/g later."""

@@ -46,7 +46,10 @@ def told(folder: Path, line: str, buffered: str = "") -> tuple[str, int]:
         ("--version", ""),
         pytest.param("run --help", "", marks=pytest.mark.long),
         ("info --json", USAGE),
-        ("info nothing --json", "carom: nothing: no such run directory; check the path, `carom run SCENARIO` makes one\n"),
+        (
+            "info nothing --json",
+            "carom: nothing: no such run directory; check the path, `carom run SCENARIO` makes one\n",
+        ),
     ],
 )
 def test_output_that_cannot_be_written(

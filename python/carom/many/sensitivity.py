@@ -31,14 +31,14 @@ from carom.many.quantity import USUAL
 from carom.numeric import is_finite
 from carom.result.tables import Transitions
 from carom.run.simulate import scene_of
-from carom.scene.plan import whole_steps
 from carom.scene.scene import Scene
 
 Events = list[tuple[int, ...]]
 
 QUANTITIES = USUAL
-#: Steps of the differences, over the size of what is changed (1 where it is 0). Larger: other events; smaller: rounding.
-STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+#: Steps of the differences, over the size of what is changed (1 where it is 0). Larger: other events; smaller: rounding, and
+#: turning that is over before a time is.
+STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 #: Places of the runs of a difference, in steps.
 PLACES = (1.0, -1.0, 0.5, -0.5)
 #: Error of a derivative over its size from which no smaller step is tried.
@@ -87,7 +87,7 @@ class Sensitivity:
     def __repr__(self) -> str:
         gone = f"; NaN of {', '.join(self.gone)}, which left" if self.gone else ""
         to = f"{len(self.names)} balls to {', '.join(self.inputs)}"
-        return f"<sensitivity of {to}; error {self.error.max():.1g}{gone}>"
+        return f"<sensitivity of {to}; relative error {self.error.max():.1g}{gone}>"
 
 
 def sensitivity(
@@ -101,8 +101,8 @@ def sensitivity(
 
     `to` names inputs as `carom.simulate_batch` does, each a single number: `"cue.velocity.x"` (m/s), `"cue.radius"` (m),
     `"ball/cloth.friction"`. Or `scene` is a function that builds a scene, and `to` its arguments with their values,
-    as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`, which is kept to exactly: the step is
-    the longest one up to that of the scene that divides it. Balls that left have NaN, and are `gone`.
+    as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`, which is kept to exactly. Balls that
+    left have NaN, and are `gone`.
 
     Raises `CaromError` where there is no derivative: where the events that follow depend on the smallest change, as at a
     grazing hit; where differences have no limit, as by a spin of 0 under rolling resistance; where an input moves bodies
@@ -216,16 +216,14 @@ def _of_function(
 
 
 def _exact(scene: Scene, options: Mapping[str, Any]) -> Scene:
-    """The scene with method `events` and the options, in steps of which `until` is a whole number."""
+    """The scene with method `events` and the options, in one step: each frame would round the motion once more."""
     method = scene.run.written().get("method", "events")
     if method != "events" and "method" not in options:
         told = f"sensitivity: the scene has method {method}; derivatives are by events, which is exact"
         warnings.warn(told, CaromWarning, stacklevel=4)
     scene = scene.overridden({**options, "method": "events"}, dict.fromkeys(options, "sensitivity"))
-    until, step = scene.run.until, scene.run.step
-    if not until:
-        return scene
-    return scene.overridden({"step": until / max(1, whole_steps(until, step))}, {"step": "sensitivity"})
+    until = scene.run.until
+    return scene.overridden({"step": until}, {"step": "sensitivity"}) if until else scene
 
 
 def _bodies(scene: Scene) -> list[str]:

@@ -50,7 +50,10 @@ def direction_of_cut(cue: Sphere, ball: Sphere, cut: float | str) -> float:
 def _places(cue: Sphere, ball: Sphere) -> tuple[tuple[Place, Place], float]:
     """Both centres (x, y) and how far apart they are there at the hit, m, or less where balls touch."""
     if overlap(cue.position, cue.radius, ball.position, ball.radius):
-        raise CaromError(f"aim: {cue.name!r} and {ball.name!r} overlap")
+        what = (
+            f"{cue.name!r} is aimed at itself" if cue is ball else f"{cue.name!r} and {ball.name!r} overlap"
+        )
+        raise CaromError(f"aim: {what}")
     (*cue_at, cue_z), (*ball_at, ball_z) = (map(float, b.position) for b in (cue, ball))
     whole, rise = cue.radius + ball.radius, cue_z - ball_z
     reach = min(math.sqrt(max(0.0, (whole - rise) * (whole + rise))), math.dist(cue_at, ball_at))

@@ -181,10 +181,10 @@ def _struck(
     offset = math.hypot(side, height)
     if not offset < 1:
         raise CaromError(
-            f"{call}: the tip misses the ball: side and height are {offset:.3g} radii off its centre"
+            f"{call}: the tip misses the ball: side and height put it {offset:.3g} of a radius off the centre"
         )
     if offset > MISCUE:
-        told = f"{call}: the tip is {offset:.2g} radii off the centre; beyond {MISCUE:g} real tips slip (a miscue)"
+        told = f"{call}: the tip is {offset:.2g} of a radius off the centre; beyond {MISCUE:g} real tips slip (a miscue)"
         warnings.warn(told, CaromWarning, stacklevel=3)
     flat = np.array([math.cos(direction), math.sin(direction), 0.0])
     along = np.array([*(math.cos(elevation) * flat[:2]), -math.sin(elevation)])
