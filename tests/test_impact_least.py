@@ -36,6 +36,44 @@ def test_a_step_ends_where_the_exact_method_does() -> None:
     assert off[1] < 0.7 * off[0] < 1e-3
 
 
+ARMS = {
+    "fix": [{"type": "fix"}],
+    "lines": [{"type": "line", "direction": (1, 0, 0.5)}, {"type": "plane", "normal": (1, 0, 0.5)}],
+    "planes": [{"type": "plane", "normal": n} for n in ((1, 1, 0), (1, -1, 0), (0, 0, 1))],
+    "others": [{"type": "plane", "normal": n} for n in ((1, 0, 0.5), (0, 1, 0), (0, 0, 1))],
+}
+
+
+@pytest.mark.parametrize("joints", ARMS)
+@pytest.mark.parametrize("friction", [0.2, 0.3, 0.5, 1.0])
+def test_a_ball_on_an_arm_rebounds_alike_in_all_frames_and_by_all_joints_that_hold_it(
+    friction: float, joints: str
+) -> None:
+    """One contact has many solutions beside joints: normal impulse and friction hold one another."""
+
+    def after(turn: float, arm: str) -> float:
+        def flat(x: float, y: float, z: float) -> tuple[float, float, float]:
+            c, s = np.cos(turn), np.sin(turn)
+            return c * x - s * y, s * x + c * y, z
+
+        scene = carom.Scene("arm", gravity=(0, 0, 0), run={"step": 1e-6, "until": 2e-6, "tolerance": 1e-12})
+        scene.contact("m", "floor", friction=friction, restitution=1.0)
+        motion = {"velocity": flat(-0.15, 0, -0.5), "angular_velocity": flat(0, 5, 0)}
+        scene.sphere("b", radius=0.05, mass=0.2, at=(0, 0, 0.05), material="m", **motion)
+        scene.plane("floor", point=(0, 0, 0), normal=(0, 0, 1), material="floor")
+        for joint in ARMS[arm]:
+            ways = {key: flat(*way) for key, way in joint.items() if key != "type"}
+            scene.joint(str(joint["type"]), body="b", point=flat(-0.1, 0, 0.08), **ways)
+        result = carom.simulate(scene, impact="poisson")
+        return float(np.asarray(result.angular_velocity[-1, 0]) @ flat(0, 1, 0))
+
+    expected = after(0.0, "fix")
+    if friction == 0.2:  # friction at its bound holds all that it can: there is one solution
+        assert expected == pytest.approx(-5 * (0.1 - 0.08 * friction) / (0.1 + 0.08 * friction), rel=1e-8)
+    for turn in (0.0, 0.3, 0.8):
+        assert after(turn, joints) == pytest.approx(expected, abs=1e-8)
+
+
 def rack(rows: int, restitution: float, friction: float) -> carom.Scene:
     """A triangle on a floor, hit head-on."""
     r = 0.01

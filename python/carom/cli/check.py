@@ -58,7 +58,7 @@ def check(
     from carom.scene.toml import load
 
     described = scene(scenario, case, set_)
-    warnings = described.validate()
+    warnings = _found(described)
     cases = load.cases(scenario) if case is None and described.parameters else []
     warnings += _of_cases(scenario, cases, set_, warnings)
     if as_json:
@@ -81,6 +81,15 @@ def check(
     return DONE
 
 
+def _found(described: Scene) -> list[Problem]:
+    """The warnings; what the scene or the core refuses, as what a method cannot do, is raised."""
+    from carom.run.loop import begin
+
+    found = described.validate()
+    begin(described.to_model())
+    return found
+
+
 def _facts(described: Scene, cases: list[str]) -> dict[str, Any]:
     facts: dict[str, Any] = {"bodies": len(described.names), "planes": len(described.plane_names)}
     if described.clumps:
@@ -101,7 +110,7 @@ def _of_cases(
     wrong: list[Problem] = []
     for case in cases:
         try:
-            found += _labelled(case, [p for p in scene(scenario, case, set_).validate() if p not in known])
+            found += _labelled(case, [p for p in _found(scene(scenario, case, set_)) if p not in known])
         except ScenarioError as error:
             wrong += _labelled(case, error.problems)
     if wrong:

@@ -399,12 +399,14 @@ impl ImpactScratch {
     }
 
     /// The impulses of the problem at hand where contacts give way a little, from nothing: of many solutions the least, as equal springs would share it.
-    /// Nothing where there is one contact, where heaps are swept to a coarse tolerance, or where they were not found.
+    /// Nothing where there is one contact of free bodies, where heaps are swept to a coarse tolerance, or where they were not found.
     fn softly(&mut self, on: &mut On, problem: u32) -> Option<Vec<f64>> {
         let model = on.task.model;
         let many = self.chosen.len() > model.options.dense_contacts as usize;
         let swept = many && self.newton_options(model).tolerance >= COARSE_TOLERANCE;
-        if self.chosen.len() < 2 || swept {
+        // One contact of free bodies has one solution; beside joints it may have many.
+        let lone = self.chosen.len() < 2 && self.joints.is_empty();
+        if lone || swept {
             return None;
         }
         let accept = std::mem::replace(&mut self.accept_unconverged, false);
