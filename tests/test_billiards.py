@@ -172,7 +172,7 @@ def test_wrong_strikes_are_told() -> None:
         ({"speed": 1.0, "direction": math.nan}, "direction must be a finite number"),
         (
             {"speed": 1.0, "side": "5 mm"},
-            "side must be a finite number of radii of the ball, found '5 mm'; give a number",
+            'side must be a finite number of radii of the ball, found "5 mm"; give a number',
         ),
         ({"speed": 1.0, "elevation": 5}, "below 90 deg, found 286.479 deg"),
         ({"speed": 1.0, "elevation": math.pi / 2}, "below 90 deg, found 90 deg$"),
@@ -207,7 +207,7 @@ def test_the_impulse_without_a_scene_takes_and_refuses_what_a_strike_does() -> N
         *(({name: value}, f"{name} must be above 0, found") for name in ("radius", "mass", "inertia") for value in (0, -1)),
         *(({name: math.nan}, f"{name} must be a finite number") for name in ("radius", "mass", "side", "height")),
         *(({name: math.inf}, f"{name} must be a finite number") for name in ("speed", "cue_mass", "end_mass")),
-        ({"side": True}, "side must be a finite number of radii of the ball, found True"),
+        ({"side": True}, "side must be a finite number of radii of the ball, found true"),
         ({"mass": "2 m"}, "mass: expected a mass"),
         ({"direction": (0, 0)}, r"direction must be a finite number in SI units, or a text with its unit, found \(0, 0\)$"),
     ):  # fmt: skip

@@ -91,11 +91,11 @@ def test_laws_take_bare_numbers_and_scenes_take_values() -> None:
     for wrong, said in (
         (
             {"cloth_friction": "0.3"},
-            "must be a finite number without a unit, found '0.3'; give a number, not a",
+            'must be a finite number without a unit, found "0.3"; give a number, not a',
         ),
         ({"cloth_friction": math.nan}, "must be a finite number"),
         ({"cloth_friction": None}, "must be a finite number"),
-        ({"spin_deceleration": "8 rad/s^2"}, r"must be a finite number in rad/s\^2, found '8 rad/s\^2'"),
+        ({"spin_deceleration": "8 rad/s^2"}, r'must be a finite number in rad/s\^2, found "8 rad/s\^2"'),
         ({"cloth_friction": -0.3}, "must be 0 or more, found -0.3"),
         ({"ball_friction": -0.06}, "must be 0 or more, found -0.06"),
         ({"ball_friction": "-v"}, r"is -0.01 at a slip of 0.01 m/s; write max\(0, ...\) around it"),

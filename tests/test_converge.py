@@ -215,6 +215,18 @@ def test_at_takes_the_error_at_these_times_alone() -> None:
     assert found.until == 0.13
 
 
+def test_steps_and_times_may_have_units() -> None:
+    plain = carom.converge(bouncing(), [2e-3, 1e-3], 1e-4, ["velocity"], at=[0.1, 0.2])
+    told = carom.converge(bouncing(), ["2 ms", 1e-3], "0.1 ms", ["velocity"], at=["100 ms", 0.2])
+    assert told.to_dict()["quantities"] == plain.to_dict()["quantities"]
+    assert carom.converge(bouncing(), ["2 ms", "1 ms"], 1e-4, until="0.1 s").until == 0.1
+
+
+def test_the_step_of_the_scene_is_none_of_the_study() -> None:
+    scene = bouncing().with_options(step=0.1)
+    assert carom.converge(scene, [2e-3, 1e-3], 1e-4, ["velocity"], until=0.02).until == 0.02
+
+
 def test_the_number_of_threads_changes_nothing() -> None:
     scene = SCENARIOS / "corner.toml"
     one, four = (
@@ -264,6 +276,16 @@ def test_a_run_that_stops_leaves_its_error_open() -> None:
         ),
         ({"quantities": ["speed"]}, "no quantity"),
         ({"at": [0.1234567]}, "in whole steps"),
+        (
+            {"at": 1e-300},
+            "at: the runs would end at 1e-300 s, before the first step of 0.002 s; give a later",
+        ),
+        ({"at": [-1.0]}, "at: the runs would end at -1 s, before the first step"),
+        ({"at": "2 mm"}, "converge: at: expected a time"),
+        ({"steps": None}, "converge: steps must be .*, found nothing"),
+        ({"steps": ["1 ms", "2 m"]}, "converge: steps: expected a time"),
+        ({"reference": "1 mm"}, "converge: reference: expected a time"),
+        ({"until": "1 kg"}, "converge: until: expected a time"),
         ({"at": [0.3], "until": 0.2}, "from 0 to the end"),
         ({"stepp": 1}, "stepp"),
         ({"reference": lambda t: 3.0}, "gives float at t = 0 s; return values by quantity"),

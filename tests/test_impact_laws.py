@@ -451,6 +451,8 @@ def test_chains_have_the_sizes_and_gaps_that_are_asked_for() -> None:
         (lambda: column(3, gravity=float("nan")), "column: gravity must be a finite number"),
         (lambda: cradle(3, lifted=3), "cradle: lifted must be less than count, 3 balls, found 3"),
         (lambda: cradle(3, angle=400), "cradle: angle must be at most 90 degrees, found 400"),
+        (lambda: cradle(3, angle="400 deg"), "cradle: angle must be at most 90 degrees, found '400 deg'"),
+        (lambda: cradle(3, angle="4 m"), "cradle: angle: expected an angle"),
         (lambda: cradle(3, length=0), "cradle: length must be positive, found 0"),
     ],
 )
@@ -462,7 +464,7 @@ def test_what_is_no_row_of_balls_is_refused(made: Callable[[], carom.Scene], tol
 @LAW
 def test_a_cradle_hangs_on_its_rods_by_every_law(law: str) -> None:
     """What the first hit gives is that of the row; rods keep their lengths, and nothing is gained."""
-    scene = cradle(3, angle=10.0, length=0.2, restitution=1.0, hits=0.7)
+    scene = cradle(3, angle="10 deg", length="20 cm", restitution=1.0, hits=0.7)
     result = simulated(scene, impact=law)
     drop = np.sqrt(2 * 9.81 * 0.2 * (1 - np.cos(np.radians(10.0))))
     row = simulated(chain(3, speed=1.0), impact=law).velocity[-1][:, 0]

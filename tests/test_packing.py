@@ -9,6 +9,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from carom import CaromError
 from carom.packing import (
     Ball,
     Box,
@@ -241,3 +242,21 @@ def test_a_seed_means_the_same_packing_for_ever() -> None:
     assert not np.array_equal(packed.radius, other.radius)
     digest = hashlib.sha256(packed.position.tobytes() + packed.radius.tobytes()).hexdigest()
     assert digest[:16] == "5cd125f42d2febb1"
+
+
+def test_lengths_may_have_units() -> None:
+    for told, plain in (
+        (Box(("1 cm", 0, 0), (1, "20 mm", 1)), Box((0.01, 0, 0), (1, 0.02, 1))),
+        (Cylinder(("1 mm", 0, 0), (0, 0, 1), "1 cm", "3 cm"), Cylinder((0.001, 0, 0), (0, 0, 1), 0.01, 0.03)),
+        (Ball((0, 0, "1 cm"), "2 cm"), Ball((0, 0, 0.01), 0.02)),
+        (Equal("5 mm"), Equal(0.005)),
+        (Lognormal("5 mm", "1 mm", 0.003, "8 mm"), Lognormal(0.005, 0.001, 0.003, 0.008)),
+        (Table(("1 mm", 2e-3), (1, 1)), Table((1e-3, 2e-3), (1, 1))),
+    ):
+        assert told == plain
+    pair = (pack(UNIT, Equal(0.2), seed=1, count=4, gap=gap).position for gap in ("1 cm", 0.01))
+    assert np.array_equal(*pair)
+    with pytest.raises(CaromError, match="Ball: radius: expected a length"):
+        Ball((0, 0, 0), "2 s")
+    with pytest.raises(CaromError, match="pack: gap: expected a length"):
+        pack(UNIT, Equal(0.2), seed=1, count=4, gap="1 s")

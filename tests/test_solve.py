@@ -95,7 +95,7 @@ def test_all_arguments_reach_the_core(monkeypatch: pytest.MonkeyPatch) -> None:
     source = problem.local
     assert all(np.array_equal(a, b) for a, b in zip((mu, mu_r, mu_s), source.bounds.T, strict=True))
     start = first.r.reshape(-1, 6)
-    again = problem.solve("sweeps", tol=1e-6, r0=start, max_iterations=50, time_limit=3, threads=2)
+    again = problem.solve("sweeps", tol=1e-6, r0=start, max_iterations=50, time_limit="3000 ms", threads=2)
     assert again.iterations < first.iterations
     assert np.array_equal(seen[8], first.r)
     assert seen[9:14] == ["sweeps", 1e-6, 50, 3.0, 2]

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
+from typing import Any
 
-from carom.errors import quoted
+from carom.errors import CaromError, quoted
+from carom.numeric import is_finite, is_number
 
 Dimension = tuple[int, int, int, int]
 """Exponents of length, mass, time and angle."""
@@ -160,6 +163,38 @@ def parse(text: str, dimension: str | None = None, like: str | None = None) -> f
     except OverflowError:
         return math.inf
     return value * math.pi**pi if pi else value
+
+
+def number(
+    call: str,
+    name: str,
+    value: Any,
+    dimension: str | None = None,
+    unit: str = "in SI units",
+    *,
+    infinite: bool = False,
+) -> float:
+    """What a caller gives as a finite number in SI; `call` and `name` say in the message where it was given.
+
+    With a `dimension` (a key of `DIMENSIONS`) it may be a text with a unit; without one messages call for a number `unit`.
+    """
+    where = f"{call}: {name}" if call else name
+    if dimension is not None and isinstance(value, str):
+        try:
+            value = parse(value, dimension)
+        except UnitError as error:
+            raise CaromError(f"{where}: {error}") from None
+    if not (is_finite(value) or (infinite and is_number(value) and abs(value) == math.inf)):
+        unit += ", or a text with its unit" if dimension is not None else ""
+        cure = "; give a number, not a text" if isinstance(value, str) else ""
+        raise CaromError(f"{where} must be a finite number {unit}, found {quoted(value)}{cure}")
+    return float(value)
+
+
+def numbers(call: str, name: str, given: Any, dimension: str) -> list[float]:
+    """As `number`, of one quantity or of several."""
+    several = isinstance(given, Iterable) and not isinstance(given, str) and getattr(given, "ndim", 1) != 0
+    return [number(call, name, value, dimension) for value in (given if several else [given])]
 
 
 def factor(unit: str, dimension: str | None = None) -> float:

@@ -21,7 +21,6 @@ from carom.cli.options import (
     refuse_figure,
     scene,
     settings,
-    time,
     times,
 )
 from carom.cli.output import DONE, NOT_CONVERGED, emit, fail, guarded, note
@@ -84,20 +83,16 @@ def converge(
     """
     from carom.many.converge import converge as study_of
     from carom.show.plot.convergence import convergence
-    from carom.units import is_quantity
 
     if "step" in settings(set_ or []):
         raise typer.BadParameter("--set step: the steps are those of --steps; leave it out")
     described = scene(scenario, case, set_, until)
     refuse_figure(plot, force)
-    fine = number(reference)
-    if is_quantity(reference) and not Path(reference).exists():
-        fine = time("--reference", reference)
     with keeping("nothing is kept of the runs so far"):
         found = study_of(
             described,
             times("--steps", steps),
-            fine if isinstance(fine, float) else reference,
+            number(reference),
             listed("--quantities", quantities) or None,
             until=described.run.until if until is not None else None,
             at=times("--at", *at or []),

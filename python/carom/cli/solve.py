@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from carom.cli.options import Force, Json, Quiet, figure_formats, listed, option, refuse_existing
+from carom.cli.options import Force, Json, Quiet, figure_formats, listed, option, refuse_existing, time
 from carom.cli.output import (
     BAD_INPUT,
     DONE,
@@ -58,11 +58,11 @@ def solve(
         int | None, option("--max-iterations", "N", "Iteration limit. Default: the solver's own.", min=1)
     ] = None,
     time_limit: Annotated[
-        float | None,
+        str | None,
         option(
             "--time-limit",
-            "S",
-            "Time limit per solver and file, s; factorisations are not interrupted. Default: none.",
+            "TIME",
+            "Time limit per solver and file, s or with a unit; factorisations are not interrupted. Default: none.",
         ),
     ] = None,
     threads: Annotated[
@@ -114,7 +114,8 @@ def solve(
         return DONE
     if format_ is not None and out is None:
         raise typer.BadParameter("--format: nothing is drawn without -o DIR; add it, or leave --format out")
-    for name, value in (("--tol", tol), ("--time-limit", time_limit)):
+    limit = time("--time-limit", time_limit)
+    for name, value in (("--tol", tol), ("--time-limit", limit)):
         if value is not None and not 0 < value < math.inf:
             raise typer.BadParameter(
                 f"{name}: must be positive, found {value:g}; write a number that is positive"
@@ -124,7 +125,7 @@ def solve(
     paths = list(dict.fromkeys(path for given in files for path in _expanded(given)))
     if solution is not None and (len(paths), len(names)) != (1, 1):
         raise typer.BadParameter("--solution takes the r of one file and one solver; give one of each")
-    how = {"tol": tol, "max_iterations": max_iterations, "time_limit": time_limit, "threads": threads}
+    how = {"tol": tol, "max_iterations": max_iterations, "time_limit": limit, "threads": threads}
 
     done: list[Attempt] = []
     interrupted = False

@@ -78,22 +78,22 @@ def export(
     format: str | Sequence[str] = "vtkhdf",
     *,
     every: int = 1,
-    start: float | None = None,
-    stop: float | None = None,
+    start: float | str | None = None,
+    stop: float | str | None = None,
     contacts: bool = True,
     **look: Any,
 ) -> list[Path]:
     """Write a run as `format` (one of `FORMATS`, several as a list or with commas) into `directory`, by default `export` in
     the run directory.
 
-    Of the recorded frames every so many (`every`) from `start` to `stop` (s, both included) are written; tables of
+    Of the recorded frames every so many (`every`) from `start` to `stop` (both included) are written; tables of
     impacts and steps have the rows of that time. Without `contacts` no contacts are written. Files of an earlier export
     of the same format are replaced, and removed where this run has nothing for them. Returns the files to open, the first
     of them the balls.
 
     Films and pictures have further options: `width`, `height` (pixels), `fps`, `speed` (simulated s per s), `camera`,
-    `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (s: one still), `progress`; see
-    `carom.show.film.look.Look`.
+    `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (the time of one still),
+    `progress`; see `carom.show.film.look.Look`. Times are numbers in s or texts with a unit, `"250 ms"`.
     """
     formats = formats_of(format)
     looks = {name: Look.of(name, look) for name in formats if name in FILMS}

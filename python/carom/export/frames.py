@@ -15,6 +15,7 @@ from carom.numeric import is_whole
 from carom.result.data import RunData
 from carom.result.kinematics import QUANTITIES
 from carom.result.record import Column
+from carom.units import number
 
 #: Bytes of one quantity that are read at a time.
 BLOCK_BYTES = 16 * 1024 * 1024
@@ -73,8 +74,8 @@ class Selection:
         result: RunData,
         *,
         every: int = 1,
-        start: float | None = None,
-        stop: float | None = None,
+        start: float | str | None = None,
+        stop: float | str | None = None,
         contacts: bool = True,
     ) -> Selection:
         """Every so many of the frames from `start` to `stop`, s; the last of them need not be among them."""
@@ -83,9 +84,10 @@ class Selection:
             raise CaromError(f"{result.origin} holds no frames yet; there is nothing to export")
         if not is_whole(every) or every < 1:
             raise CaromError(f"every: {every!r} is no whole number from 1; 1 takes every recorded frame")
-        for name, value in (("start", start), ("stop", stop)):
-            if value is not None and not isinstance(value, int | float | np.number):
-                raise CaromError(f"{name}: {value!r} is no time in s")
+        start, stop = (
+            None if value is None else number("export", name, value, "time", infinite=True)
+            for name, value in (("start", start), ("stop", stop))
+        )
         if start is not None and stop is not None and start > stop:
             raise CaromError(
                 f"no frame from {start:g} to {stop:g} s, which ends before it begins; exchange them"

@@ -40,6 +40,7 @@ from carom.scene.tables.keywords import Options
 from carom.scene.tables.options import OPTIONS
 from carom.show.plot import require_matplotlib
 from carom.show.plot.comparison import beside
+from carom.units import numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -186,11 +187,6 @@ class Comparison:
         }
 
 
-def listed(times: float | Sequence[float]) -> list[float]:
-    """Times of which one may be given without a list."""
-    return [float(times)] if isinstance(times, (int, float)) else [float(t) for t in times]
-
-
 def default_methods() -> list[str]:
     """Every method with a step, the default one first, and Moreau-Jean with projection too."""
     return [
@@ -299,7 +295,7 @@ def compare(
     methods: str | Sequence[str] | None = None,
     *,
     laws: str | Sequence[str] | None = None,
-    at: float | Sequence[float] = (),
+    at: float | str | Sequence[float | str] = (),
     out: str | Path | None = None,
     force: bool = False,
     progress: OnProgress | None = None,
@@ -311,13 +307,13 @@ def compare(
 
     With `laws` impact laws are compared by the scene's own method: "all" that can take the scene, or names such as
     `("sequence", "poisson")`. `methods` are names as `("nsga", "moreau", "moreau+projection")`, by default all but "events"
-    that can take the scene. `at` are times (s, on the grid of the steps) that are compared besides the end. `case` and
-    `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of `[run]` and `[record]` for all
-    runs. With `out` every method leaves its run directory there; without, nothing is kept. A run that stops before its end
-    is no error here: its `outcome` says so.
+    that can take the scene. `at` are times on the grid of the steps (s, or texts with a unit) that are compared besides the
+    end. `case` and `parameters` choose a variant of a file, as in `Scene.from_toml`; `options` are keys of `[run]` and
+    `[record]` for all runs. With `out` every method leaves its run directory there; without, nothing is kept. A run that
+    stops before its end is no error here: its `outcome` says so.
     """
     scene = scene_of(scene, "compare", case=case, parameters=parameters)
-    at = listed(at)
+    at = numbers("compare", "at", at, "time")
     if laws is not None:
         if methods is not None:
             raise CaromError("give methods or laws, not both; a method with a law is named as nsga+poisson")

@@ -23,6 +23,7 @@ from carom.many.order import FINER, ROUNDING, Order, clear_order, doubts, error_
 from carom.many.quantity import QUANTITIES, USUAL, Quantity
 from carom.many.reference_solution import Formulas, Frames, Function, Truth
 from carom.many.sheets import of_convergence, titled
+from carom.numeric import is_number
 from carom.run import summary
 from carom.run.loop import begin, drive
 from carom.run.result import Result, load
@@ -32,6 +33,7 @@ from carom.scene.arguments import renamed
 from carom.scene.plan import Plan
 from carom.show.plot import require_matplotlib
 from carom.show.plot.convergence import convergence
+from carom.units import is_quantity, number, numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -134,18 +136,20 @@ class Convergence:
 @renamed
 def converge(
     scene: Scene | str | Path,
-    steps: Sequence[float],
+    steps: Sequence[float | str],
     reference: float | str | Path | Result | Function,
     quantities: Sequence[str] | None = None,
     *,
-    until: float | None = None,
-    at: float | Sequence[float] = (),
+    until: float | str | None = None,
+    at: float | str | Sequence[float | str] = (),
     threads: int | None = None,
     case: str | None = None,
     parameters: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Convergence:
-    """Simulate a scene, or a scenario file, with several steps (s) and fit the order of the error in h.
+    """Simulate a scene, or a scenario file, with several steps and fit the order of the error in h.
+
+    Steps and times are numbers in s, or texts with a unit, `"0.5 ms"`.
 
     `reference` is a step finer than all others, which it must divide; or a run (`Result` or directory) whose frames
     hold all instants; or "events", the exact method; or a TOML file with formulas of t; or a function of the time (s)
@@ -157,15 +161,14 @@ def converge(
     `Scene.from_toml`; `options` are keys of `[run]`, for all runs. What makes an order doubtful is in `remarks`.
     """
     scene = scene_of(scene, "converge", case=case, parameters=parameters)
-    at = [float(at)] if isinstance(at, (int, float)) else [float(t) for t in at]
+    at = numbers("converge", "at", at, "time")
     scene = scene.overridden(options, dict.fromkeys(options, "converge"))
-    chosen = sorted(dict.fromkeys(_positive(h) for h in steps), reverse=True)
+    chosen = sorted({_positive(h) for h in numbers("converge", "steps", steps, "time")}, reverse=True)
     if len(chosen) < 2:
         raise CaromError("give at least two different steps: an order is a slope")
-    end = until if until is not None else max(at, default=scene.run.until or 0.0)
-    if not 0 < end < math.inf:
-        raise CaromError("the scenario does not say how long to simulate; give until")
-    scene = scene.overridden({"until": end}, {"until": "converge"})
+    end = _end(scene, until, at, chosen[0])
+    # The step of the scene is none of the study, and says nothing of its end.
+    scene = scene.overridden({"until": end, "step": chosen[-1]}, dict.fromkeys(("until", "step"), "converge"))
     scene.validate()
     if at and not all(0 <= t <= end for t in at):
         raise CaromError(f"at: give times from 0 to the end of the runs, {end:g} s")
@@ -173,8 +176,10 @@ def converge(
     instants = {h: _instants(h, end, at, len(names)) for h in chosen}
     jobs = list(instants.items())
     truth: Truth | None = None
-    if isinstance(reference, (int, float)):
-        jobs.append((float(reference), _shared(_positive(reference), instants)))
+    if isinstance(reference, str) and is_quantity(reference) and not Path(reference).exists():
+        reference = number("converge", "reference", reference, "time")
+    if is_number(reference):
+        jobs.append((h := _positive(reference), _shared(h, instants)))
     else:
         truth = _exact(scene, instants) if reference == EXACT else _truth(reference, scene)
     wanted = [
@@ -191,8 +196,8 @@ def converge(
     errors, left_out = {}, False
     for quantity in wanted:
         row = []
-        for (h, numbers), (states, run) in zip(instants.items(), found, strict=False):
-            true = truth.values(quantity, _times(h, numbers))
+        for (h, own), (states, run) in zip(instants.items(), found, strict=False):
+            true = truth.values(quantity, _times(h, own))
             mine = quantity.aligned(quantity.of_states(states, names), true)
             both = np.isfinite(mine - true).all(axis=-1)
             # Of runs that stopped what is missing stays so.
@@ -243,7 +248,23 @@ def _others(scene: Scene) -> dict[str, str]:
     return said
 
 
-def _positive(h: float) -> float:
+def _end(scene: Scene, until: float | str | None, at: Sequence[float], longest: float) -> float:
+    """The end of the runs, s: `until`, or the last of the times `at`, or that of the scene."""
+    if until is not None:
+        return number("converge", "until", until, "time")
+    if not at:
+        if scene.run.until is None:
+            raise CaromError("the scenario does not say how long to simulate; give until")
+        return scene.run.until
+    end = max(at)
+    if end < longest * (1 - 1e-9):
+        raise CaromError(
+            f"at: the runs would end at {end:g} s, before the first step of {longest:g} s; give a later time"
+        )
+    return end
+
+
+def _positive(h: Any) -> float:
     if not 0 < h < math.inf:
         raise CaromError(f"a step of {h:g} s; steps must be above 0")
     return float(h)

@@ -33,6 +33,7 @@ from carom.problem.global_ import GlobalProblem, invert
 from carom.problem.local import LocalProblem
 from carom.problem.residual import Residual, holds_nothing, residual_of
 from carom.text import seconds
+from carom.units import number
 
 if TYPE_CHECKING:
     from carom.problem.contact import ContactProblem
@@ -189,15 +190,15 @@ def solve(
     tol: float = TOLERANCE,
     r0: Any = None,
     max_iterations: int | None = None,
-    time_limit: float | None = None,
+    time_limit: float | str | None = None,
     threads: int = 1,
     on_nonconvergence: OnNonconvergence = "raise",
 ) -> Solution:
     """Find r with `residual(r).err <= tol`.
 
     `solver` is one of `carom.problem.solvers()`. `r0` (d C,) is where to begin, by default at 0. The solver stops after
-    `max_iterations` iterations (by default a number of its own) or `time_limit` seconds (by default never).
-    The result does not depend on `threads`.
+    `max_iterations` iterations (by default a number of its own) or after `time_limit` (s, or a text with a unit), by
+    default never. The result does not depend on `threads`.
 
     Raises `SolveFailed` if there is no such r by then; its `solution` has what was found. With
     `on_nonconvergence="return"` that is returned instead, and `solution.converged` tells. Ctrl-C raises
@@ -208,6 +209,8 @@ def solve(
         raise refuse("solver", f"none is called {solver!r}", did_you_mean(str(solver), list(known)))
     if on_nonconvergence not in ("raise", "return"):
         raise refuse("on_nonconvergence", f"{on_nonconvergence!r}", "either 'raise' or 'return'")
+    if isinstance(time_limit, str):
+        time_limit = number("solve", "time_limit", time_limit, "time")
     _positive("tol", tol)
     _positive("time_limit", math.inf if time_limit is None else time_limit, infinite=True)
     _count("max_iterations", 1 if max_iterations is None else max_iterations)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carom.arrays import F64, Array, Bool
-from carom.errors import CaromError, counted
-from carom.numeric import is_number, is_whole
+from carom.errors import CaromError, counted, quoted
+from carom.numeric import is_whole
 from carom.result.clumps import Clump, Clumps
 from carom.result.kinematics import Frames, Part
 from carom.result.names import Names, UnknownName
@@ -32,7 +32,7 @@ from carom.result.tables import (
     frame_number,
 )
 from carom.result.walls import Walls
-from carom.units import UnitError, parse
+from carom.units import number
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -149,7 +149,7 @@ class Selection(Frames[F64]):
         def __getattr__(self, name: str) -> NoReturn:
             told = f"a part of a result has no attribute {name!r}"
             if name.startswith("_") or not hasattr(type(self._result), name):
-                raise AttributeError(told)
+                raise AttributeError(told, name=name, obj=self)  # a traceback says which was meant
             told += "; take it from the whole result, without sel, or give a function the whole one"
             raise NotOfAPart(told + (" (start, stop and every choose frames)" if name == "export" else ""))
 
@@ -206,8 +206,11 @@ def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
         if wanted.step is not None and (isinstance(wanted.step, float) or wanted.step < 1):
             raise CaromError("sel: the step of a slice of times counts frames, as time=slice(0.1, 0.5, 10)")
         slack = 1e-9 * float(time.max(initial=0.0))
-        low = -np.inf if wanted.start is None else _seconds(wanted.start) - slack
-        high = np.inf if wanted.stop is None else _seconds(wanted.stop) + slack
+        low, high = (
+            end if given is None else number("sel", "time", given, "time", infinite=True)
+            for end, given in ((-np.inf, wanted.start), (np.inf, wanted.stop))
+        )
+        low, high = low - slack, high + slack
         if len(time) and not (low <= high and low <= time.max() and high >= time.min()):
             told = f"slice({wanted.start}, {wanted.stop}) holds none of the frames"
             raise CaromError(
@@ -215,7 +218,7 @@ def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
             )
         return np.flatnonzero((time >= low) & (time <= high))[:: wanted.step]
     several = np.atleast_1d(np.asarray(wanted, dtype=object))  # objects: text and numbers stay what they are
-    given = np.asarray([_seconds(t) for t in several], dtype=np.float64)
+    given = np.asarray([number("sel", "time", t, "time") for t in several], dtype=np.float64)
     if not len(time):
         raise CaromError("sel: there are no frames yet")
     order = np.argsort(time, kind="stable")  # frames of a part may be in any order
@@ -260,6 +263,9 @@ def chosen_bodies(
     found: list[int] = []
     for name in several:
         found += [_number(names, name)] if is_whole(name) else called.numbers(name)
+        if len(set(found)) < len(found):  # it would count twice in sums of bodies
+            twice = next(names[k] for n, k in enumerate(found) if k in found[:n])
+            raise CaromError(f"sel: body: {quoted(twice)} is given twice; leave out one of the two")
     return np.array(found, dtype=np.intp)
 
 
@@ -281,14 +287,3 @@ def _number(names: Sequence[str], wanted: int) -> int:
     if not -len(names) <= wanted < len(names):
         raise UnknownName(f"no body {wanted}; there are {len(names)}, numbered from 0")
     return range(len(names))[int(wanted)]
-
-
-def _seconds(value: Any) -> float:
-    if isinstance(value, str):
-        try:
-            return parse(value, "time")
-        except UnitError as error:
-            raise CaromError(f"sel: time: {error}") from error
-    if not is_number(value):
-        raise CaromError(f"sel: times are numbers in s, found {value!r}")
-    return float(value)

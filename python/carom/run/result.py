@@ -73,8 +73,8 @@ class Result(RunData):
         """Write the run as `vtkhdf`, `vtp`, `csv`, `parquet`, `extxyz`, `gsd`, `mp4`, `gif` or `png`, by default in `export`
         of the run; several as a list, or with commas between them. Files of these formats that are there are replaced.
 
-        `options`: `every`, `start`, `stop` (s), `contacts`, as in `carom.export.export`, and of films `speed`, `camera`,
-        `follow` and others. Returns the files to open.
+        `options`: `every`, `start`, `stop` (s, or texts as `"250 ms"`), `contacts`, as in `carom.export.export`,
+        and of films `speed`, `camera`, `follow` and others. Returns the files to open.
         """
         from carom.export import export
 

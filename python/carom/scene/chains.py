@@ -7,8 +7,8 @@ from typing import Any
 
 from carom.errors import CaromError
 from carom.numeric import is_whole
-from carom.scene.billiards.arguments import number
 from carom.scene.scene import Scene
+from carom.units import number
 
 MATERIAL = "ball"
 
@@ -69,7 +69,7 @@ def cradle(
     count: int,
     *,
     lifted: int = 1,
-    angle: float = 30.0,
+    angle: float | str = 30.0,
     length: float = 0.2,
     radius: float = 0.01,
     hits: float = 20,
@@ -80,17 +80,19 @@ def cradle(
 ) -> Scene:
     """Newton's cradle: balls that touch hang along x, "1" to `count`; the first ones are let go from an angle in degrees.
 
-    `length` of the rods and `radius` in m, `density` in kg/m^3, `gravity` in m/s^2. The run lasts for `hits` hits.
+    `length` of the rods and `radius` in m, `density` in kg/m^3, `gravity` in m/s^2, or texts with a unit. The run lasts for
+    `hits` hits.
     """
     _count("cradle", "count", count, 2)
     if _count("cradle", "lifted", lifted, 1) >= count:
         raise CaromError(f"cradle: lifted must be less than count, {count} balls, found {lifted}")
     radius, length = (_number("cradle", k, v, "length") for k, v in (("radius", radius), ("length", length)))
     gravity, hits = _number("cradle", "gravity", gravity, "acceleration"), _number("cradle", "hits", hits)
-    if not 0.0 < _number("cradle", "angle", angle) <= 90.0:
+    degrees = math.degrees(number("cradle", "angle", angle, "angle")) if isinstance(angle, str) else angle
+    if not 0.0 < _number("cradle", "angle", degrees) <= 90.0:
         raise CaromError(f"cradle: angle must be at most 90 degrees, found {angle!r}")
     scene = _empty((0.0, 0.0, -gravity), friction, restitution)
-    way = math.radians(angle)
+    way = math.radians(degrees)
     for k in range(count):
         name, hook, turn = str(k + 1), (2 * radius * k, 0.0, 0.0), way if k < lifted else 0.0
         place = (hook[0] - length * math.sin(turn), 0.0, -length * math.cos(turn))

@@ -7,29 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from carom.errors import CaromError
-from carom.numeric import is_finite
 from carom.scene.tables.balls import Sphere
-from carom.units import UnitError, parse
-
-
-def number(
-    call: str, name: str, value: Any, dimension: str | None = None, unit: str = "in SI units"
-) -> float:
-    """A finite number in SI; `call` and `name` say in the message where it was given.
-
-    With a `dimension` (a key of `units.DIMENSIONS`) it may be a text with a unit; without one messages call for a number
-    `unit`.
-    """
-    if dimension is not None and isinstance(value, str):
-        try:
-            value = parse(value, dimension)
-        except UnitError as error:
-            raise CaromError(f"{call}: {name}: {error}") from None
-    if not is_finite(value):
-        unit += ", or a text with its unit" if dimension is not None else ""
-        cure = "; give a number, not a text" if isinstance(value, str) else ""
-        raise CaromError(f"{call}: {name} must be a finite number {unit}, found {value!r}{cure}")
-    return float(value)
+from carom.units import number
 
 
 def angle(

@@ -40,9 +40,10 @@ import numpy as np
 
 from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning, did_you_mean
-from carom.scene.billiards.arguments import angle, number, sphere, vector
+from carom.scene.billiards.arguments import angle, sphere, vector
 from carom.scene.billiards.data import TIPS
 from carom.scene.tables.balls import Sphere
+from carom.units import number
 
 CUE_MASS = 19 * 0.028349523125
 """A cue of 19 oz, kg."""

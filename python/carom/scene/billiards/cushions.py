@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from carom.arrays import F64
 from carom.errors import CaromError, CaromWarning
 from carom.numeric import is_whole
-from carom.scene.billiards.arguments import number
+from carom.units import number
 
 UP = np.array([0.0, 0.0, 1.0])
 STEPS = 5000

@@ -9,9 +9,9 @@ from typing import Any
 from pydantic_core import PydanticCustomError
 
 from carom.errors import CaromError
-from carom.scene.billiards.arguments import number
 from carom.scene.tables.fields import NOT_NEGATIVE
 from carom.scene.tables.laws import Law, value_at
+from carom.units import number
 
 INCH = 0.0254
 OUNCE = 0.028349523125

@@ -7,9 +7,10 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from carom.errors import CaromError
-from carom.scene.billiards.arguments import angle, number
+from carom.scene.billiards.arguments import angle
 from carom.scene.billiards.data import Spec
 from carom.scene.tables.billiard import misfit
+from carom.units import number
 
 if TYPE_CHECKING:
     from carom.scene.scene import Scene

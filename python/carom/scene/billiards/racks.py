@@ -10,7 +10,7 @@ from carom.arrays import F64
 from carom.errors import CaromError, did_you_mean
 from carom.numeric import is_whole
 from carom.scene.assembly.bodies import uniform
-from carom.scene.billiards.arguments import number
+from carom.units import number
 
 FEWEST, MOST = 3, 15
 DIAMOND = (1, 2, 3, 2, 1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from carom.errors import CaromError, did_you_mean
 from carom.scene.billiards.aim import direction_of_cut, direction_to
-from carom.scene.billiards.arguments import number, place, sphere, vector
+from carom.scene.billiards.arguments import place, sphere, vector
 from carom.scene.billiards.data import LAWS, TABLES, Laws, Spec
 from carom.scene.billiards.measures import checked, mark, same_table
 from carom.scene.billiards.places import check_place, spots_of
@@ -20,6 +20,7 @@ from carom.scene.billiards.racks import numbers_of, rack_places, rows_of
 from carom.scene.billiards.shots import Shot, shot
 from carom.scene.billiards.walls import noses, outlets, rail
 from carom.scene.scene import Scene
+from carom.units import number
 
 if TYPE_CHECKING:
     from carom.many.batch_result import Batch

@@ -12,6 +12,7 @@ from carom.scene.builders.balls import Builder, make
 from carom.scene.checks.walls import touching
 from carom.scene.tables.balls import Sphere
 from carom.scene.tables.clumps import Clump
+from carom.units import number
 
 if TYPE_CHECKING:
     from carom.result.data import RunData
@@ -21,23 +22,23 @@ class Taker(Builder):
     """Balls from elsewhere; `carom.Scene` is one."""
 
     def spheres_from(
-        self, result: RunData, frame: int = -1, *, time: float | None = None
+        self, result: RunData, frame: int = -1, *, time: float | str | None = None
     ) -> tuple[Sphere | Clump, ...]:
         """Add the balls and clumps of a run as they are at a frame, and return them: to go on from there in another scene.
 
-        `frame` counts as in arrays, the last one by default; with `time` (s) it is the nearest one. Names, radii, masses,
-        inertias, materials (by name), positions and velocities of balls and clumps are those of the run to the last bit.
-        Orientations, and places of balls in clumps, are so to rounding; absent balls are left out. Walls, laws, gravity,
-        joints and loads are those of this scene, whose time begins at 0. Of a run whose periodic box deforms velocities are
-        those against its mean flow, as scenes have them; the box is not taken over, and one that is sheared fits where
-        `result.box(frame).tilt` is 0.
+        `frame` counts as in arrays, the last one by default; with `time` (s, or a text with a unit) it is the nearest one.
+        Names, radii, masses, inertias, materials (by name), positions and velocities of balls and clumps are those of the
+        run to the last bit. Orientations, and places of balls in clumps, are so to rounding; absent balls are left out.
+        Walls, laws, gravity, joints and loads are those of this scene, whose time begins at 0. Of a run whose periodic box
+        deforms velocities are those against its mean flow, as scenes have them; the box is not taken over, and one that is
+        sheared fits where `result.box(frame).tilt` is 0.
 
         Balls of a settled pile overlap by up to about the `pile_tolerance` of its run. Give this scene the same one, and
         they count as touching. Method `moreau` does so with `position_projection = true` alone.
         """
         times = np.asarray(result.time)
         if time is not None and len(times):
-            frame = int(np.abs(times - time).argmin())
+            frame = int(np.abs(times - number("spheres_from", "time", time, "time")).argmin())
         if not -len(times) <= frame < len(times):
             cure = (
                 f"give one of {-len(times)} to {len(times) - 1}"

@@ -5,7 +5,8 @@
     packed = pack(Box((0, 0, 0), (0.1, 0.1, 0.1)), Lognormal(0.005, 0.001, 0.003, 0.008), fraction=0.58, seed=1)
     packed.position, packed.radius, packed.fraction, packed.least_gap
 
-The same arguments give the same bits on every machine and for any number of threads.
+Lengths are numbers in m or texts with a unit, `"5 mm"`. The same arguments give the same bits on every machine and for any
+number of threads.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from carom.scene.packing.grow import Packed, PackingError, grow
 from carom.scene.packing.numbers import Stream
 from carom.scene.packing.region import Ball, Box, Cylinder, Region
 from carom.scene.packing.sizes import MOST_BALLS, Equal, Lognormal, Normal, Rare, Sizes, Table, Uniform, fill
+from carom.units import number
 
 __all__ = [
     "MOST_BALLS",
@@ -72,13 +74,15 @@ def pack(
     seed: int,
     count: int | None = None,
     fraction: float | None = None,
-    gap: float = 0.0,
+    gap: float | str = 0.0,
 ) -> Packed:
     """A random packing without overlaps: `count` balls, or as many as fill `fraction` of the region.
 
     `gap` m at least is kept free between any two balls, half of it at walls. Raises `PackingError` where the balls have no
     room or jam.
     """
+    if isinstance(gap, str):
+        gap = number("pack", "gap", gap, "length")
     if not (is_number(gap) and gap >= 0):
         found = f"{gap:g} m" if is_number(gap) else repr(gap)
         raise PackingError(f"gap = {found}", "balls do not overlap: give a length of 0 m or more")

@@ -5,6 +5,7 @@ Balls are placed and moved in this frame; `to_world` turns and shifts them at th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Any, Protocol
@@ -16,6 +17,7 @@ from carom.errors import CaromError
 from carom.numeric import is_number, three
 from carom.scene.assembly.vectors import cross, scaled
 from carom.scene.tables.quantities import Vec3
+from carom.units import number
 
 
 class Region(Protocol):
@@ -48,6 +50,20 @@ class Region(Protocol):
         """Positions in fixed axes."""
 
 
+def in_metres(given: Any, *lengths: str, rows: Sequence[str] = ()) -> None:
+    """Reads the texts with a unit, as "1 cm", among lengths of a frozen record, and those in `rows` of lengths, as places
+    are. Numbers stay as they are.
+    """
+    owner = type(given).__name__
+    for name in (*lengths, *rows):
+        value = getattr(given, name)
+        if name in lengths and isinstance(value, str):
+            object.__setattr__(given, name, number(owner, name, value, "length"))
+        elif name in rows and isinstance(value, list | tuple) and any(isinstance(x, str) for x in value):
+            read = tuple(number(owner, name, x, "length") for x in value)
+            object.__setattr__(given, name, read)
+
+
 def _positive(region: str, **lengths: float) -> None:
     for name, value in lengths.items():
         if not (is_number(value) and 0.0 < value < inf):
@@ -64,6 +80,7 @@ class Box:
     periodic: tuple[bool, bool, bool] = (False, False, False)
 
     def __post_init__(self) -> None:
+        in_metres(self, rows=("low", "high"))
         three("Box", low=self.low, high=self.high)
         periodic: Any = self.periodic
         words = isinstance(
@@ -118,6 +135,7 @@ class Cylinder:
     length: float
 
     def __post_init__(self) -> None:
+        in_metres(self, "radius", "length", rows=["point"])
         _positive("Cylinder", radius=self.radius, length=self.length)
         three("Cylinder", point=self.point, axis=self.axis)
         if not any(self.axis):
@@ -167,6 +185,7 @@ class Ball:
     radius: float
 
     def __post_init__(self) -> None:
+        in_metres(self, "radius", rows=["point"])
         _positive("Ball", radius=self.radius)
         three("Ball", point=self.point)
 

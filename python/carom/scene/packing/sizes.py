@@ -13,6 +13,7 @@ from carom.arrays import F64
 from carom.errors import CaromError
 from carom.numeric import is_number
 from carom.scene.packing.numbers import Stream, exp, log, total
+from carom.scene.packing.region import in_metres
 
 MOST_BALLS = 1_000_000
 """Of one packing: more would take hours to place."""
@@ -31,6 +32,7 @@ class Sizes(Protocol):
 
 def _check(law: Any) -> None:
     """Refuses what is no length, a `deviation` below 0, and a lognormal law whose mean has no logarithm."""
+    in_metres(law, *(field.name for field in fields(law)))
     kind = type(law).__name__
     for name, value in ((field.name, getattr(law, field.name)) for field in fields(law)):
         least = 0.0 if name == "deviation" else -inf
@@ -118,6 +120,7 @@ class Table:
     by_mass: bool = False
 
     def __post_init__(self) -> None:
+        in_metres(self, rows=["diameters"])
         if len(self.diameters) != len(self.shares) or not self.diameters:
             raise CaromError("Table: give as many shares as diameters, one at least")
         if not all(is_number(x) and 0 < x < inf for x in (*self.diameters, *self.shares)):

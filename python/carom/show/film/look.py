@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from carom.errors import CaromError, did_you_mean
+from carom.units import number
 
 CAMERAS = ("fit", "top", "side", "end")
 SHADINGS = ("pattern", "plain", "speed", "spin")
@@ -54,12 +55,15 @@ class Look:
         for name in given:
             if name not in known:
                 raise CaromError(f"films have no option {name!r}; {did_you_mean(name, known)}")
-        look = cls(**{**DEFAULTS[format], **{k: v for k, v in given.items() if v is not None}})
+        stated = {k: v for k, v in given.items() if v is not None}
+        if "at" in stated:
+            stated["at"] = number("films", "at", stated["at"], "time")
+        look = cls(**{**DEFAULTS[format], **stated})
         look._check(format)
         return look
 
     def _check(self, format: str) -> None:
-        for name in ("width", "height", "fps", "speed", "at"):
+        for name in ("width", "height", "fps", "speed"):
             value = getattr(self, name)
             if value is not None and not isinstance(value, int | float):
                 raise CaromError(f"{name}: {value!r} is not a number")
