@@ -198,6 +198,7 @@ def test_what_cannot_be_is_refused_with_words() -> None:
         ({"spin": 1.0}, 'no "spin"'),
         ({"squirt": 1.0}, "true or false"),
         ({"side": True}, "finite number"),
+        ({"side": 10**400}, "finite number, found a whole number of about 400 digits"),
         ({"elevation": 2}, "from 0 to below pi/2 rad, found 2"),
         ([], "JSON object"),
     ):
@@ -210,6 +211,7 @@ def test_what_cannot_be_is_refused_with_words() -> None:
         ((-1.0, 0.5), "outside"),
         (("a", 0.5), "finite"),
         ((1.0, True), "finite"),
+        ((10**400, 0.5), "found .a whole number of about 400"),
     ):
         with pytest.raises(CaromError, match=told):
             game.place(CUE, at)  # type: ignore[arg-type]

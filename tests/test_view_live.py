@@ -65,6 +65,24 @@ def test_ctrl_c_is_how_serving_ends(
     assert "Ctrl-C ends it" in capsys.readouterr().out
 
 
+def test_a_port_that_is_taken_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("viser", reason="needs viser (extra live)")
+    import socket
+
+    from carom.cli import main
+
+    carom.simulate(carom.example("three_balls"), until=1e-2, out=tmp_path / "run")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = str(other.getsockname()[1])
+        with pytest.raises(SystemExit) as left:
+            main(["view", str(tmp_path / "run"), "--live", "--port", port])
+    assert left.value.code == 2
+    told = capsys.readouterr()
+    assert f"carom: port {port} cannot be used" in told.err
+    assert "give another with --port (port=)" in told.err
+    assert not told.out
+
+
 @pytest.mark.long
 def test_a_run_is_followed_while_it_is_computed(tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="needs viser (extra live)")

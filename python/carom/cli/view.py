@@ -25,7 +25,8 @@ def view(
         bool, option("--live", "Serve the run on this machine and follow it (needs the extra `live`).")
     ] = False,
     port: Annotated[
-        int | None, option("--port", "N", "Port of --live. Default: 8080.", min=1, max=65535)
+        int | None,
+        option("--port", "N", "Port of --live. Default: 8080, or the next free one.", min=1, max=65535),
     ] = None,
     open_: Annotated[bool, option("--open", "Open the page in the web browser.")] = False,
     as_json: Json = False,
@@ -46,9 +47,9 @@ def view(
         }
         if given := [name for name, is_given in of_pages.items() if is_given]:
             raise typer.BadParameter(f"{', '.join(given)}: --live writes no page; leave one of them out")
-        from carom.show.viewer.live import PORT, serve
+        from carom.show.viewer.live import serve
 
-        serve(run, PORT if port is None else port, print)
+        serve(run, port, print)
         return
     if port is not None:
         raise typer.BadParameter("--port: a page has no port; add --live to serve the run")

@@ -53,7 +53,7 @@ class Aim:
     def of(cls, given: Any) -> Aim:
         """The stroke that a page sent."""
         if not isinstance(given, dict):
-            raise CaromError(f"play: a stroke is a JSON object, found {given!r}")
+            raise CaromError(f"play: a stroke is a JSON object, found {quoted(given)}")
         usual = asdict(cls())
         for name, value in given.items():
             if name not in usual:
@@ -61,7 +61,7 @@ class Aim:
             truth = isinstance(usual[name], bool)
             if not (isinstance(value, bool) if truth else is_finite(value)):
                 told = "true or false" if truth else "a finite number"
-                raise CaromError(f"play: {name} must be {told}, found {value!r}")
+                raise CaromError(f"play: {name} must be {told}, found {quoted(value)}")
         aim = cls(**given)
         if not 0 < aim.speed <= FASTEST:
             raise CaromError(f"play: speed must be above 0 and at most {FASTEST:g} m/s, found {aim.speed:g}")
@@ -213,7 +213,7 @@ class Game:
         """Move a ball by hand; refused where it would overlap something."""
         ball = self.ball(name)
         if not all(map(is_finite, at)):
-            raise CaromError(f"play: a place is two finite numbers, found {at!r}")
+            raise CaromError(f"play: a place is two finite numbers, found {quoted(list(at))}")
         place = (*at, ball.radius)
         check_place(self.table, name, place, ball.radius)
         for other in self.scene.spheres:

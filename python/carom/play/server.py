@@ -18,9 +18,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from carom.errors import CaromError
+from carom.errors import CaromError, quoted
 from carom.play.game import Aim, Game
-from carom.show.viewer.gate import NAMES, admitted
+from carom.show.viewer.gate import NAMES, admitted, refuse_taken
 
 T = TypeVar("T")
 HOST = NAMES[0]
@@ -78,12 +78,8 @@ class Server:
         self.words = "Drag on the table to aim."
         self._token = secrets.token_urlsafe(16)
         self._lock = threading.Lock()
-        try:
-            self._http = _Http((HOST, port), self._handler())
-        except OSError as error:
-            raise CaromError(
-                f"port {port} cannot be used ({error}); give another with --port (port=)"
-            ) from error
+        refuse_taken(port)
+        self._http = _Http((HOST, port), self._handler())
         self._thread = threading.Thread(target=self._http.serve_forever, name="carom-play", daemon=True)
         self._thread.start()
 
@@ -152,7 +148,7 @@ class Server:
 
     def _place(self, given: Any) -> dict[str, Any]:
         if not isinstance(given, dict) or given.keys() != {"ball", "x", "y"}:
-            raise CaromError(f"play: a place has ball, x and y, found {given!r}")
+            raise CaromError(f"play: a place has ball, x and y, found {quoted(given)}")
         self.game.place(str(given["ball"]), (given["x"], given["y"]))
         self.words = f"{given['ball']} is moved."
         return self.state()

@@ -8,6 +8,7 @@ come from a page of this server if it says where it comes from, and have the tok
 from __future__ import annotations
 
 import hmac
+import socket  # noqa: TID251 the loopback address alone
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,6 +18,15 @@ from typing import Any
 from carom.errors import CaromError
 
 NAMES = ("127.0.0.1", "localhost")
+
+
+def refuse_taken(port: int) -> None:
+    """Raise where no server of this machine can have this port; 0 is any that is free."""
+    try:
+        socket.create_server((NAMES[0], port)).close()
+    except (OSError, OverflowError) as error:
+        cause = str(error).partition(" (while")[0]
+        raise CaromError(f"port {port} cannot be used ({cause}); give another with --port (port=)") from error
 
 
 @contextmanager

@@ -25,7 +25,7 @@ from carom.result.clumps import rigid
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import upward
 from carom.show.surfaces import surfaces
-from carom.show.viewer.gate import gated
+from carom.show.viewer.gate import gated, refuse_taken
 from carom.show.viewer.live_shapes import ball_halves
 from carom.show.viewer.scenery import bounds, deforming, held, period
 
@@ -49,11 +49,12 @@ WALL = (130, 140, 155)
 class Live:
     """A server that shows a run, and follows it while it is computed.
 
-    `source` is a run directory or a result that has one. `url` is where to look; `stop()` ends it, as does leaving a `with`
+    `source` is a run directory or a result that has one. Without `port` it is 8080, or the next one that is free. `url` is
+    where to look; `stop()` ends it, as does leaving a `with`
     block. Of more than `MOST_BALLS` balls one in several is shown, which `notes` and the page say.
     """
 
-    def __init__(self, source: str | Path | RunData, *, port: int = PORT) -> None:
+    def __init__(self, source: str | Path | RunData, *, port: int | None = None) -> None:
         viser = extra("viser", "a live view needs viser", "live")
         path = source if isinstance(source, (str, Path)) else source.path
         self._anchored = Anchored(path)
@@ -64,14 +65,12 @@ class Live:
             raise CaromError(f"{self._path} has no frame yet; wait until the run has begun")
         self.notes: tuple[str, ...] = ()
         self._token = secrets.token_urlsafe(16)
-        try:
-            # viser prints an address without the token, at which nothing answers.
-            with gated(self._token), redirect_stdout(StringIO()):
-                self._server: Any = viser.ViserServer(host=HOST, port=port, verbose=False, label=self._title)
-        except OSError as error:
-            raise CaromError(
-                f"port {port} cannot be used ({error}); give another with --port (port=)"
-            ) from error
+        if port is not None:  # viser would take the next one that is free
+            refuse_taken(port)
+        first = PORT if port is None else port
+        # viser prints an address without the token, at which nothing answers.
+        with gated(self._token), redirect_stdout(StringIO()):
+            self._server: Any = viser.ViserServer(host=HOST, port=first, verbose=False, label=self._title)
         self._lock = threading.RLock()
         self._ended = threading.Event()
         self._shown: tuple[int, int] | None = None
@@ -309,7 +308,7 @@ def _paragraph(text: str, style: str = "") -> str:
     )
 
 
-def serve(path: Path, port: int, say: Callable[[str], None]) -> None:
+def serve(path: Path, port: int | None, say: Callable[[str], None]) -> None:
     """What `carom view --live` does: serve until interrupted."""
     with Live(path, port=port) as live:
         for note in live.notes:
