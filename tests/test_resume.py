@@ -52,6 +52,10 @@ def test_an_interrupted_run_continues_bit_for_bit(
     assert carom.resume(run).segment_names == result.segment_names
     with pytest.raises(CaromError, match="has reached t = 1 s already"):
         carom.resume(run, until=0.5)
+    with pytest.raises(CaromError, match=r"carom\.resume: until: must be positive"):
+        carom.resume(run, until=-1)
+    with pytest.raises(CaromError, match=r"carom\.resume: step: cannot change within a run"):
+        carom.resume(run, step=0.1)
 
 
 def test_a_segment_without_a_checkpoint_of_its_own_is_overruled(

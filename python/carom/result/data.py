@@ -73,7 +73,7 @@ class RunData(Frames[Column]):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """The result of a run directory, also of one that is still being written or was killed."""
-        directory = RunDir.open(path)
+        directory = RunDir.open(path, "load")
         about = checked(directory)
         result = cls(about, opened(directory, about), directory)
         if result.status == "running":

@@ -102,8 +102,15 @@ class RunDir:
         return self.path / "log.jsonl"
 
     @classmethod
-    def open(cls, path: Path | str) -> RunDir:
-        """An existing run; a path that is none is a `CaromError` that says what was found instead."""
+    def open(cls, path: Path | str, caller: str = "load") -> RunDir:
+        """An existing run; a path that is none is a `CaromError` that says what was found instead. `caller` is what a
+        message calls the function.
+        """
+        if not isinstance(path, str | os.PathLike) or not str(path):
+            found = "nothing" if path is None else "an empty path" if path == "" else type(path).__name__
+            raise CaromError(
+                f"{caller} takes the path of a run directory, found {found}; carom.simulate(..., out=PATH) makes one"
+            )
         path = Path(path)
         if (
             path.is_file()

@@ -30,9 +30,9 @@ def refuse_other_physics(options: Mapping[str, Any], places: Mapping[str, str]) 
             known = any(key in SINGLE[name].model_fields for name in ("run", "record"))
             meant = None if known else nearest(key, CHANGEABLE)
             cure = f"did you mean {meant}?" if meant else "start a new run for it"
-            raise CaromError(
-                f"{places.get(key, key)}: cannot change within a run, only {', '.join(CHANGEABLE)} can; {cure}"
-            )
+            place = places.get(key, key)
+            where = place if place.startswith("-") or place == key else f"{place}: {key}"
+            raise CaromError(f"{where}: cannot change within a run, only {', '.join(CHANGEABLE)} can; {cure}")
 
 
 def restore_functions(

@@ -102,7 +102,7 @@ def relaunch(
     changes.restore_functions(directory, old, load_functions)
     scene = old
     if options:
-        scene = old.overridden(options, places) if places else old.with_options(**options)
+        scene = old.overridden(options, places or {})
     # `until` may be later than that of the run that began.
     scene._judged(lambda parts: [*check_times(parts), *check_rods(parts)], advice=lambda parts: ())
     run = Run(scene)
@@ -126,7 +126,9 @@ def relaunch(
         if saved is not None:
             reached = max(saved.time, (about.get("outcome") or {}).get("time") or 0.0)
             if run.plan.until < reached - 0.5 * run.plan.step:
-                raise CaromError(f"the run has reached t = {reached:g} s already; give --until a later time")
+                raise CaromError(
+                    f"the run has reached t = {reached:g} s already; give --until (until=) a later time"
+                )
             _restore(run.simulation, saved)
         aside = restart.put_aside(directory, saved, wish)
         if aside:

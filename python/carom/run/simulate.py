@@ -189,8 +189,9 @@ def resume(
         options["until"] = until
     with halt.listening(signal.SIGINT, signal.SIGTERM):
         result = relaunch(
-            RunDir.open(run),
+            RunDir.open(run, "resume"),
             options,
+            places=dict.fromkeys(options, "carom.resume"),
             stop=halt,
             watch=watch,
             progress=progress,
