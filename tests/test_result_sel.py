@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 from html.parser import HTMLParser
 from pathlib import Path
@@ -83,6 +84,7 @@ def test_the_ways_to_say_which(result: carom.Result) -> None:
     assert result.sel(time=0.0104).time.tolist() == pytest.approx([0.01])
     assert result.sel(time=[0.02, 0.01]).time.tolist() == pytest.approx([0.02, 0.01])
     assert len(result.sel(time=slice(None, None, 10))) == 6
+    assert len(result.sel(time=slice("10 ms", math.inf))) == len(result.sel(time=slice("10 ms", None)))
     empty = result.sel(time=slice(0.0101, 0.0102))
     assert empty.position.shape == (0, 5, 3)
     assert len(empty.impacts) == len(empty.steps) == 0
@@ -92,18 +94,19 @@ def test_the_ways_to_say_which(result: carom.Result) -> None:
         ({"time": 1.0}, "outside of the frames"),
         ({"time": "1"}, "text without a unit; remove the quotes"),
         ({"time": "1 m"}, "expected a time"),
-        ({"time": ["20 ms", None]}, "times are numbers in s"),
+        ({"time": ["20 ms", None]}, "sel: time must be a finite number .*, found nothing"),
         ({"time": slice(5, 6)}, r"slice\(5, 6\) holds none of the frames; give times from 0 to 0\.05"),
         ({"time": slice(-2, -1)}, "holds none of the frames"),
         ({"time": slice(0.02, 0.01)}, r"slice\(0\.02, 0\.01\) holds none .* the smaller one first"),
-        ({"time": slice(float("nan"), 1)}, "holds none of the frames"),
+        ({"time": slice(float("nan"), 1)}, "sel: time must be a finite number"),
         ({"time": [True, False]}, "a mask has a truth for each frame"),
         ({"body": [True, False]}, "a mask has a truth for each body, 5 here, and this one has 2"),
         ({"body": True}, "no body is called True"),
         ({"body": slice("ball4", "ball2")}, "'ball4' comes after 'ball2'"),
-        ({"time": float("nan")}, "outside of the frames"),
+        ({"time": float("nan")}, "sel: time must be a finite number"),
         ({"body": slice(0.5, 2)}, "names or numbers"),
         ({"body": [["ball1"]]}, "no body is called"),
+        ({"body": ["ball1", "ball2", 0]}, 'body: "ball1" is given twice; leave out one'),
         ({"time": slice(0, 1, 0.1)}, "counts frames"),
     ):
         with pytest.raises(CaromError, match=said):
@@ -366,6 +369,29 @@ def test_tables_for_other_programs(result: carom.Result) -> None:
         assert np.array_equal(frame[f"position_{axis}"].to_numpy().reshape(11, 2), part.position[..., k])
     pytest.importorskip("xarray", reason="the extra [interop] is not installed")
     assert part.to_xarray().sizes["body"] == 2
+
+
+def test_energies_and_bodies_are_tables_too(result: carom.Result) -> None:
+    pytest.importorskip("pandas", reason="the extra [interop] is not installed")
+    energy, part = result.energy.to_pandas(), result.sel(slice(0, 0.01), "ball2")
+    assert list(energy) == ["time", "kinetic", "potential", "total"]
+    assert all(np.array_equal(energy[name], getattr(result.energy, name)) for name in energy)
+    assert len(part.energy.to_pandas()) == len(part.steps)
+    bodies = result.bodies.to_pandas()
+    assert bodies["name"].tolist() == result.names
+    assert np.array_equal(bodies["radius"], result.bodies.radius)
+    assert part.bodies.to_pandas()["name"].tolist() == ["ball2"]
+    planes = result.planes.to_pandas()
+    assert all(np.array_equal(planes[f"normal_{x}"], result.planes.normal[:, k]) for k, x in enumerate("xyz"))
+
+
+def test_misspelt_names_have_a_guess(result: carom.Result) -> None:
+    with pytest.raises(AttributeError, match="did you mean radius"):
+        result.bodies.raduis  # noqa: B018
+    with pytest.raises(AttributeError) as error:
+        result.sel().posiiton  # type: ignore[attr-defined]  # noqa: B018
+    assert error.value.name == "posiiton"  # by these a traceback says which was meant
+    assert "position" in dir(error.value.obj)
 
 
 class Tags(HTMLParser):

@@ -79,7 +79,7 @@ def snapshot(**given: Any) -> granular.Snapshot:
         (lambda r: snapshot(period=(-1.0, 0, 0)), "period = [-1.0, 0.0, 0.0]; give lengths in m"),
         (lambda r: granular.over_frames(r, granular.stress, BOX, every=0), "every = 0"),
         (lambda r: r.export("nowhere", "csv", every=1.5), "every: 1.5 is no whole number"),
-        (lambda r: r.export("nowhere", "csv", start="0.1"), "start: '0.1' is no time"),
+        (lambda r: r.export("nowhere", "csv", start="0.1"), 'export: start: "0.1" is text without a unit'),
         (lambda r: Look.of("png", {"width": "big"}), "width: 'big' is not a number"),
         (lambda r: Look.of("mp4", {"speed": float("inf")}), "speed: inf is not above 0 and at most"),
         (lambda r: Look.of("png", {"camera": 3}), "camera: there is no 3"),
@@ -93,14 +93,17 @@ def snapshot(**given: Any) -> granular.Snapshot:
         (lambda r: pack(seed=1.5), "seed = 1.5"),
         (lambda r: packing.Table((0.1,), (0.0,)), "above 0"),
         (lambda r: packing.Table((0.1,), (0.5, 0.5)), "as many shares as diameters"),
-        (lambda r: packing.Table((0.1, "b"), (0.5, 0.5)), "must be numbers above 0"),
+        (
+            lambda r: packing.Table((0.1, "b"), (0.5, 0.5)),
+            'Table: diameters: "b" is not a number with a unit',
+        ),
         (lambda r: packing.Table((0.1, 0.2), (0.5, float("nan"))), "must be numbers above 0"),
         (
             lambda r: packing.Table((0.1,), (1.0,), "number"),
             "by_mass = 'number'; give True for shares of the mass",
         ),
         (lambda r: packing.Table((0.1,), (1.0,), "mass"), "by_mass = 'mass'"),
-        (lambda r: packing.Equal("1 mm"), "Equal: diameter = '1 mm'; give a length in m"),
+        (lambda r: packing.Equal("1 ms"), 'Equal: diameter: expected a length, found "1 ms", a time'),
         (lambda r: packing.Uniform(0.1, float("nan")), "Uniform: most = nan"),
         (
             lambda r: packing.Normal(0.1, -0.1, 0.0, 1.0),
@@ -110,10 +113,11 @@ def snapshot(**given: Any) -> granular.Snapshot:
         (lambda r: pack(count=2.5), "count = 2.5; give a whole number of balls from 1"),
         (lambda r: pack(count=True), "count = True"),
         (lambda r: pack(count=None, fraction="half"), "fraction = 'half'; give a part of the region above 0"),
-        (lambda r: pack(gap="1 mm"), "gap = '1 mm'; balls do not overlap"),
+        (lambda r: pack(gap="-1 mm"), "gap = -0.001 m"),
+        (lambda r: pack(gap="1 ms"), 'pack: gap: expected a length, found "1 ms", a time'),
         (
             lambda r: granular.Box((0, 0, 0), (1, 1, "x")),
-            "Box: high = (1, 1, 'x'); give three finite numbers, along x, y and z",
+            'Box: high: "x" is not a number with a unit',
         ),
         (lambda r: granular.Box(0, (1, 1, 1)), "Box: low = 0; give three finite numbers"),
         (lambda r: granular.Box("abc", (1, 1, 1)), "Box: low = 'abc'; give three finite numbers"),
@@ -126,7 +130,7 @@ def snapshot(**given: Any) -> granular.Snapshot:
         (lambda r: granular.Cylinder((0, 0), (0, 0, 1), 1.0, 1.0), "Cylinder: point = (0, 0); give three"),
         (
             lambda r: granular.Cylinder((0, 0, 0), (0, 0, 1), "1", 1.0),
-            "Cylinder: radius = '1'; give a length",
+            'Cylinder: radius: "1" is text without a unit',
         ),
         (
             lambda r: granular.Ball((0, 0, float("nan")), 1.0),
@@ -140,6 +144,24 @@ def test_what_is_wrong_is_said(
     with pytest.raises(CaromError) as caught:
         wrong(result)
     assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(("wrong", "found"), [(None, "nothing"), ("", "an empty path"), (3, "int")])
+@pytest.mark.parametrize("call", [carom.load, carom.resume])
+def test_what_is_no_path_of_a_run_is_said(call: Callable[[Any], object], wrong: Any, found: str) -> None:
+    with pytest.raises(
+        CaromError, match=f"^{call.__name__} takes the path of a run directory, found {found}; "
+    ):
+        call(wrong)
+
+
+def test_a_run_goes_on_from_a_time_with_a_unit(result: carom.Result) -> None:
+    taken = [
+        [ball.position for ball in carom.Scene().spheres_from(result, time=time)] for time in (0.02, "20 ms")
+    ]
+    assert taken[0] == taken[1] != [ball.position for ball in carom.Scene().spheres_from(result)]
+    with pytest.raises(CaromError, match="spheres_from: time: expected a time"):
+        carom.Scene().spheres_from(result, time="2 m")
 
 
 def test_one_name_is_as_good_as_a_list_of_one(result: carom.Result) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -64,6 +64,20 @@ class Named(Mapping[str, V]):
         found = copy(self)
         found._things = dict(things)
         return found
+
+
+def _data_frame(columns: Sequence[str], read: Callable[[str], Any]) -> pandas.DataFrame:
+    """Columns as a `pandas.DataFrame`; of vectors each component is a column, with _x, _y, _z, of pairs with _a, _b."""
+    pandas = extra("pandas", "to_pandas needs pandas", "interop")
+    flat: dict[str, Array] = {}
+    for column in columns:
+        values = np.asarray(read(column))
+        if values.ndim == 1:
+            flat[column] = values
+        elif values.ndim == 2:
+            letters = "xyz" if values.shape[1] == 3 else "ab"
+            flat |= {f"{column}_{letter}": values[:, i] for i, letter in enumerate(letters)}
+    return pandas.DataFrame(flat)
 
 
 class Table:
@@ -130,16 +144,7 @@ class Table:
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame`; a vector becomes three columns with _x, _y, _z."""
-        pandas = extra("pandas", "to_pandas needs pandas", "interop")
-        flat: dict[str, Array] = {}
-        for column in self.columns:
-            values = np.asarray(self[column])
-            if values.shape == (len(self),):
-                flat[column] = values
-            elif values.ndim == 2:
-                letters = "xyz" if values.shape[1] == 3 else "ab"
-                flat |= {f"{column}_{letter}": values[:, i] for i, letter in enumerate(letters)}
-        return pandas.DataFrame(flat)
+        return _data_frame(self.columns, self.__getitem__)
 
     def __repr__(self) -> str:
         return f"<{self.name}: {len(self)} rows; columns {', '.join(self.columns)}>"
@@ -388,6 +393,10 @@ class Energy:
         """Kinetic and potential energy."""
         return np.asarray(self.kinetic + self.potential)
 
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row per step with `time` (s), `kinetic`, `potential` and `total` (J), as a `pandas.DataFrame`."""
+        return _data_frame(("time", "kinetic", "potential", "total"), partial(getattr, self))
+
     def _read(self, column: str) -> Array:
         return np.asarray(self._steps[column])
 
@@ -409,9 +418,16 @@ class Static:
         return self._columns[column]
 
     def __getattr__(self, column: str) -> Array:
-        if column.startswith("_") or column not in self._columns:
+        if column.startswith("_"):
             raise AttributeError(column)
-        return self._columns[column]
+        try:
+            return self[column]
+        except KeyError as error:
+            raise AttributeError(str(error.args[0])) from None
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The table as a `pandas.DataFrame`; a vector becomes three columns with _x, _y, _z."""
+        return _data_frame(self.columns, self.__getitem__)
 
     def __contains__(self, column: object) -> bool:
         return column in self._columns
