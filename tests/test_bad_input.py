@@ -92,7 +92,25 @@ MISTAKES = {
         "did you mean radius?",
     ),
     "unknown table": ("[world]", "[record]\nevry = 2\n[world]", "record.evry", "did you mean every?"),
-    "unknown section": ("[world]", "[wrld]\na = 1\n[world]", "wrld: unknown key", "did you mean world?"),
+    "unknown section": ("[world]", "[wrld]\na = 1\n[world]", "wrld: unknown key", "did you mean [world]?"),
+    **{
+        f"unknown section {section}": (
+            "[world]",
+            f"[[{section}]]\nname = 'a'\n[world]",
+            f"did you mean [[{meant}]]?",
+        )
+        for section, meant in (
+            ("spheres", "sphere"),
+            ("balls", "sphere"),
+            ("walls", "plane"),
+            ("contacts", "contact"),
+        )
+    },
+    "a single value at the top": (
+        "[run]",
+        "contacts = true\n[run]",
+        "contacts: unknown key; contacts belongs in [record]",
+    ),
     "key of another table": (
         "step = 1e-3",
         "gravity = [0, 0, 0]",

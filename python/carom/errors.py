@@ -157,6 +157,8 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "gravity": ("g",),
     "out": ("save", "output", "directory", "save_to"),
     "normal": ("n",),
+    "sphere": ("ball", "balls", "particle", "particles", "grain", "grains"),
+    "plane": ("wall", "walls", "floor", "ground"),
 }
 """What other programs, the literature and earlier versions call the keys."""
 

@@ -6,7 +6,7 @@ import csv
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperOption
@@ -29,18 +29,31 @@ def option(*words: str, **more: Any) -> Any:
 
 
 class Command(TyperCommand):
-    """A command that refuses an option of one value that is given twice: the last one would count, unsaid."""
+    """A command that refuses an option of one value that is given twice, of which the last one would count, and an empty
+    path, which would be the working directory.
+    """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """The arguments that are left when the options are read."""
         if not ctx.resilient_parsing:
             seen = set()
-            for given in self.make_parser(ctx).parse_args(args=list(args))[2]:
+            values, _, order = self.make_parser(ctx).parse_args(args=list(args))
+            for param in self.params:
+                value = values.get(str(param.name))
+                if "" in (value if isinstance(value, list | tuple) else [value]) and self._takes_paths(param):
+                    name = param.opts[-1] if isinstance(param, TyperOption) else param.metavar
+                    ctx.fail(f"{name}: the path is empty; name a file or a directory")
+            for given in order:
                 one = isinstance(given, TyperOption) and not (given.multiple or given.is_flag)
                 if one and given.name in seen:
                     ctx.fail(f"{given.opts[-1]} is given twice; leave out one of the two")
                 seen.add(given.name)
         return super().parse_args(ctx, args)
+
+    def _takes_paths(self, param: Any) -> bool:
+        """Whether an argument or option is a path, or several; typer itself says so in each version in another way."""
+        hint = get_type_hints(self.callback)[str(param.name)]
+        return Path in (hint, *(part for inner in (hint, *get_args(hint)) for part in get_args(inner)))
 
 
 Json = Annotated[bool, option("--json", "Print one JSON document on standard output and nothing else.")]
@@ -90,13 +103,9 @@ def listing(names: Sequence[str]) -> str:
 
 def times(option: str, *given: str | None) -> list[float]:
     """The times (s) of an option that takes several with commas, in seconds or with a unit."""
-    from carom.units import UnitError, parse
+    from carom.units import number as read
 
-    found = [number(part) for part in listed(option, *given)]
-    try:
-        return [parse(part, "time") if isinstance(part, str) else part for part in found]
-    except UnitError as error:
-        raise CaromError(f"{option}: {error}") from None
+    return [read("", option, number(part), "time", infinite=True) for part in listed(option, *given)]
 
 
 def time(option: str, given: str | None) -> float | None:

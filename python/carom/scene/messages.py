@@ -11,7 +11,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from carom.errors import Problem, ScenarioError, did_you_mean, quoted
+from carom.errors import Problem, ScenarioError, did_you_mean, nearest, quoted
 from carom.scene.tables.fields import OURS, exactly_one
 from carom.scene.toml.lines import LineMap, Path
 from carom.scene.toml.literal import literal
@@ -183,6 +183,8 @@ def _translated(
     if kind == "missing":
         return Finding(path, "is missing", _how_to_write(key, owner))
     if kind == "extra_forbidden":
+        if not _section(owner) and (best := _table(key, value, tables)):
+            return Finding(path, "unknown key", f"did you mean {_header(best)}?")
         return Finding(path, "unknown key", _unknown(key, owner, tables))
     if kind == "list_type":
         if isinstance(value, Mapping):
@@ -220,6 +222,12 @@ def _example(owner: type[BaseModel], key: str) -> str:
 
 FEW = 3
 """Tables that have a key, up to which a message names them."""
+
+
+def _table(key: str, value: Any, tables: Mapping[str, type[BaseModel]]) -> str | None:
+    """The table that is meant where one of this name is none; None where it is a single value."""
+    several = isinstance(value, list) and len(value) > 0 and all(isinstance(v, Mapping) for v in value)
+    return nearest(key, list(tables)) if several or isinstance(value, Mapping) else None
 
 
 def _unknown(key: str, owner: type[BaseModel], tables: Mapping[str, type[BaseModel]]) -> str:
