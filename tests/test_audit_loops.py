@@ -69,3 +69,6 @@ def test_a_ball_that_rests_below_its_arm_is_right_in_any_frames(every: int) -> N
     report = carom.audit.check(carom.simulate(scene, every=every, contacts=True))
     assert report.ok, report.findings
     assert report["spin"].judged == 50 // every
+    inertia = 0.4 * 3 * 0.05**2
+    assert report["spin"].worst is not None
+    assert report["spin"].worst.bound < 0.1 * inertia  # a tenth of a rad/s would be seen

@@ -271,3 +271,26 @@ def test_a_ball_on_an_arm_rebounds_by_its_closed_form(law: str, drop: float) -> 
         x, z = math.sqrt(arm**2 - drop**2), drop + radius
         expected = -e * math.sqrt((x - friction * z) / (x + friction * z))
         assert float(run.angular_velocity[-1, 0] @ across) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("law", ["compliant", "binary"])
+def test_friction_along_what_joints_hold_is_none(law: str) -> None:
+    """The end of the arm is level with the contact: its slip along the arm is rounding, and whatever holds that."""
+    friction, e, arm, radius = 0.3, 0.6, 0.3, 0.05
+    impulses = []
+    for turn in np.linspace(0.05, 3.1, 20):
+        scene = carom.Scene(gravity=(0, 0, 0), run={"until": 2e-4, "step": 1e-4})
+        scene.contact("m", "floor", friction=friction, restitution=e)
+        along = np.array([math.cos(turn), math.sin(turn), 0])
+        at = arm * along + [0, 0, radius]
+        across = np.array([-math.sin(turn), math.cos(turn), 0])
+        motion = {"velocity": np.cross(across, at), "angular_velocity": across}
+        scene.sphere("ball", radius=radius, mass=1, at=at, material="m", **motion)
+        scene.plane("floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))
+        scene.joint("fix", body="ball", point=(0, 0, 0))
+        run = carom.simulate(scene, impact=law, every=1, impacts=True)
+        assert run.summary["fallbacks"] == 0
+        [impulse] = np.asarray(run.impacts["impulse"])
+        assert np.abs(impulse[:2]).max() <= 1e-9 * impulse[2]
+        impulses.append(impulse[2])
+    assert np.ptp(impulses) <= 1e-9 * impulses[0]

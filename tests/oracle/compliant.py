@@ -14,10 +14,14 @@ CLOSING = 1e-8
 SWEEPS, SETTLED = 100, 1e-13
 
 
-def on_disc(block: F64, free: F64, radius: float) -> F64:
-    """The l of at most `radius` with the least `l . block l / 2 + free . l`, by bisection for its multiplier."""
+def on_disc(block: F64, free: F64, radius: float, still: float) -> F64:
+    """The l of at most `radius` with the least `l . block l / 2 + free . l`, by bisection for its multiplier. Along an axis
+    that joints hold, a slip of at most `still` is rounding.
+    """
     own, axes = np.linalg.eigh(block)
-    own, along = np.maximum(own, 1e-14 * own[-1]), -(free @ axes)
+    held = own <= 1e-9 * own[-1]
+    along = np.where(held & (np.abs(free @ axes) <= still), 0.0, -(free @ axes))
+    own = np.where(held & (along == 0.0), own[-1], np.maximum(own, 1e-14 * own[-1]))
     low, high = 0.0, float(np.hypot(*along)) / radius
     if np.hypot(*(along / own)) <= radius:
         high = 0.0
@@ -76,7 +80,7 @@ def spring_impulses(island: Island) -> F64:
                 block = coupling[rows, rows]
                 if bound * given[n] <= 0.0 or np.trace(block) <= 1e-12 * inverse[n]:
                     continue
-                wanted = on_disc(block, z[rows] - block @ given[rows], bound * given[n])
+                wanted = on_disc(block, z[rows] - block @ given[rows], bound * given[n], least)
                 step = wanted - given[rows]
                 given[rows] = wanted
                 z[:] += coupling[:, rows] @ step

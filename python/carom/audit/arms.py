@@ -4,7 +4,8 @@ Reactions `J_s` of the smooth motion act where it ends, those that answer contac
 them act there), and the record is their sum `J`. Between both the position level turns a body by what its impulses and the
 answer of the joints to them give, an angle `phi`: with the arm `a` of the frame the moment has `-(phi x a) x J_s` besides.
 What answers the impulses `P` of contacts is `J_i = m dV - P` of a body with one joint; with more only sizes are known. Nor
-do sums over several steps tell their products: there `phi x a` is at most what contacts move bodies by that joints hold.
+do sums over several steps tell their products: there `phi x a` is taken for at most `UNEVEN` times the mean of what contacts
+move this body by, and that of its group which they move most.
 """
 
 from __future__ import annotations
@@ -16,7 +17,11 @@ import numpy as np
 from carom.arrays import F64
 from carom.audit import answers, forces, recorded, wrenches
 from carom.audit.block import Block
+from carom.audit.loads import of_loads
 from carom.audit.vectors import cross, norm
+
+#: Largest step of an interval over the mean of its steps (1). Larger: faults are hidden; smaller: runs are accused.
+UNEVEN = 4.0
 
 
 class Turned(NamedTuple):
@@ -59,13 +64,7 @@ def turned(block: Block) -> Turned:
         for side, sign, arm in zip("ab", (1.0, -1.0), joint["rows"][0][2:4], strict=True)
         if joint[side] >= 0
     ]
-    of_joined = moved_at_all, struck_at_all = np.zeros((2, block.count, run.bodies))
-    for nodes, _ in wrenches.groups(run):
-        bodies = np.isin(run.node, nodes)
-        for found, of_each in zip(
-            of_joined, (recorded.shifts(block)[0], recorded.strokes(block)[0]), strict=True
-        ):
-            found[:, bodies] = of_each[:, bodies].sum(axis=1, keepdims=True)
+    moved, pressed = _over_steps(block)
     twist = norm(sums.shift_moments[0]) / run.inertia
     joints = np.bincount([body for _, body, _, _ in ends], minlength=run.bodies)
     for j, body, sign, arm in ends:
@@ -74,11 +73,10 @@ def turned(block: Block) -> Turned:
         known = block.single & (joints[body] == 1)
         swung = cross(angle[:, body], wrenches.lever(block, body, arm, 1))
         moment[known, body] = -cross(swung, sign * given[:, j] - own)[known]
-        moved = np.where(
-            block.single, reach * norm(angle[:, body]), moved_at_all[:, body] + reach * twist[:, body]
-        )
-        size = norm(given[:, j]) + np.where(block.single, norm(own), struck_at_all[:, body])
-        off[~known, body] += (moved * size)[~known]
+        angles = reach * norm(angle[:, body]), moved[:, body] + UNEVEN / block.n * reach * twist[:, body]
+        sizes = norm(own), pressed[:, body]
+        turn, size = (np.where(block.single, one, many) for one, many in (angles, sizes))
+        off[~known, body] += (turn * (norm(given[:, j]) + size))[~known]
     before: _Handed | None = run.known.get(_Handed)
     follows = before is not None and before.first == block.first
     last = before.moment if before and follows else np.zeros((run.bodies, 3))
@@ -87,3 +85,19 @@ def turned(block: Block) -> Turned:
     echo, after = wrenches.echo(run, later, first)
     run.known[_Handed] = _Handed(block.first + block.count, moment[-1], after)
     return Turned(moment, later + echo)
+
+
+def _over_steps(block: Block) -> tuple[F64, F64]:
+    """(B, N) for intervals of several steps: by how much contacts may turn the arms of joints in a step, m, and the sizes of
+    what reactions may hold, N s.
+    """
+    run, steps = block.run, block.n[:, None]
+    pushes = recorded.pushes(block)[0]
+    own = recorded.shifts(block)[0] / steps
+    if run.method == "moreau":  # each impulse moves for the rest of its step
+        own = own - (1.0 - 1.0 / steps) * run.h * pushes / run.mass
+    moved = own.copy()
+    for nodes, _ in wrenches.groups(run):
+        bodies = np.isin(run.node, nodes)
+        moved[:, bodies] += own[:, bodies].max(axis=1, keepdims=True)
+    return UNEVEN * moved, recorded.strokes(block)[0] + of_loads(block).spread[..., 0]

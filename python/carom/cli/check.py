@@ -11,10 +11,9 @@ import typer
 from carom.cli.options import Case, Json, Set, option, scene
 from carom.cli.output import BAD_INPUT, DONE, emit, fail, guarded
 from carom.cli.verdict import is_run, judge
-from carom.errors import ScenarioError, quoted
+from carom.errors import CaromError, Problem, ScenarioError, quoted
 
 if TYPE_CHECKING:
-    from carom.errors import Problem
     from carom.scene.scene import Scene
 
 
@@ -58,7 +57,7 @@ def check(
     from carom.scene.toml import load
 
     described = scene(scenario, case, set_)
-    warnings = _found(described)
+    warnings = _found(described, scenario)
     cases = load.cases(scenario) if case is None and described.parameters else []
     warnings += _of_cases(scenario, cases, set_, warnings)
     if as_json:
@@ -81,12 +80,16 @@ def check(
     return DONE
 
 
-def _found(described: Scene) -> list[Problem]:
+def _found(described: Scene, scenario: Path) -> list[Problem]:
     """The warnings; what the scene or the core refuses, as what a method cannot do, is raised."""
     from carom.run.loop import begin
 
     found = described.validate()
-    begin(described.to_model())
+    try:
+        begin(described.to_model())
+    except CaromError as error:
+        cause, _, cure = str(error).partition("; ")
+        raise ScenarioError([Problem(str(scenario), "", cause, cure)]) from None
     return found
 
 
@@ -110,7 +113,9 @@ def _of_cases(
     wrong: list[Problem] = []
     for case in cases:
         try:
-            found += _labelled(case, [p for p in _found(scene(scenario, case, set_)) if p not in known])
+            found += _labelled(
+                case, [p for p in _found(scene(scenario, case, set_), scenario) if p not in known]
+            )
         except ScenarioError as error:
             wrong += _labelled(case, error.problems)
     if wrong:

@@ -37,7 +37,7 @@ Events = list[tuple[int, ...]]
 
 QUANTITIES = USUAL
 #: Steps of the differences, over the size of what is changed (1 where it is 0). Larger: other events; smaller: rounding, and
-#: turning that is over before a time is.
+#: spins of 1e-10 rad/s, which method events takes for none.
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 #: Places of the runs of a difference, in steps.
 PLACES = (1.0, -1.0, 0.5, -0.5)
@@ -101,8 +101,8 @@ def sensitivity(
 
     `to` names inputs as `carom.simulate_batch` does, each a single number: `"cue.velocity.x"` (m/s), `"cue.radius"` (m),
     `"ball/cloth.friction"`. Or `scene` is a function that builds a scene, and `to` its arguments with their values,
-    as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`, which is kept to exactly. Balls that
-    left have NaN, and are `gone`.
+    as `{"speed": 2.0, "direction": 0.1}`. `options` are keys of `[run]`, as `until`, which is kept to exactly; `step` does
+    not count, as runs have one frame. Balls that left have NaN, and are `gone`.
 
     Raises `CaromError` where there is no derivative: where the events that follow depend on the smallest change, as at a
     grazing hit; where differences have no limit, as by a spin of 0 under rolling resistance; where an input moves bodies

@@ -116,6 +116,7 @@ pub fn impulses(
         reduced,
         springs,
         keeps_gaps: o.impact != Impact::Binary,
+        least: 0.0,
         exponent: o.impact_exponent,
         u: vec![0.0; NODE_DOF * system.nodes()],
         lambda: vec![0.0; system.rows()],
@@ -126,6 +127,7 @@ pub fn impulses(
     };
     let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -at.reduced.free[c.row as usize]));
     let least = CLOSING * speed;
+    at.least = least;
     let ([mut given, mut left], mut unsettled) = ([0.0; 2], 0);
     for k in 0..MOST_STEPS {
         let dt = (0..contacts.len()).fold(f64::INFINITY, |dt, i| dt.min(at.step(i, least)));
@@ -170,6 +172,8 @@ struct Springs<'a> {
     reduced: Reduced,
     springs: &'a [ContactSpring<'a>],
     keeps_gaps: bool,
+    /// Speed below which nothing closes, and nothing slips along what joints hold.
+    least: f64,
     exponent: f64,
     u: Vec<f64>,
     lambda: Vec<f64>,
@@ -291,7 +295,7 @@ impl Springs<'_> {
         let slip = [1, 2].map(|r| self.measure(i, r));
         let wanted = if let Some(plane @ [xx, xy, yy]) = self.planes[i] {
             let free = [slip[0] - xx * x - xy * y, slip[1] - xy * x - yy * y];
-            on_disc(plane, free, most)
+            on_disc(plane, free, most, self.least)
         } else {
             let inverse = &self.reduced.inverse[c.rows()];
             if inverse[1] <= 0.0 {

@@ -8,6 +8,7 @@ use carom_solve::rows::{RowContact, RowSystem};
 
 /// Part (1) of a row below which other joints have all of it. At 0 a joint that is said twice is rounding, and rounding a direction.
 const HELD: f64 = 1e-9;
+
 /// What rows of contacts do; without joints as the system says.
 pub struct Reduced {
     /// Velocities (6 per node) for a unit impulse; none without joints.

@@ -168,7 +168,9 @@ def check(parts: Parts) -> Iterator[Finding]:
         yield from check_areas(parts)
         yield from check_size(parts)
         yield from check_flow(parts)
-        if not wrong_names and "joint" not in parts.damaged:  # they say which balls may overlap
+        if "joint" not in parts.damaged | {
+            finding.path[0] for finding in wrong_names
+        }:  # they say which may overlap
             yield from _overlaps(parts)
         if not wrong_names and not parts.balls_damaged():
             yield from check_start(parts)
