@@ -35,6 +35,8 @@ class Told:
     at_bound: Bool
     hidden: Bool
     """Parameters that the data do not determine."""
+    leaves: Bool
+    """Parameters whose interval a search that has not settled would still leave."""
     directions: list[list[int]]
     """Parameters that the data do not tell apart, or of which they say nothing."""
     unclear: list[list[int]]
@@ -93,7 +95,7 @@ def told(
     widened = float(np.sqrt(chi2 / expected)) if settled and likelihood < UNLIKELY else 1.0
     wide = _deviations(freedom if widened > 1 else None) * widened
     half, correlation, inverse = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros((n, len(residuals)))
-    hidden, directions, unclear = np.zeros(n, dtype=bool), [], []
+    hidden, leaves, directions, unclear = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), [], []
     if len(free):
         u, s, v = np.linalg.svd(jacobian[:, free], full_matrices=False)
         seen = s > max(floor, 1e-12 * s.max(initial=0.0), 1e-300)
@@ -108,14 +110,15 @@ def told(
         hazy = ~seen & (s + floor > 2 * wide) & jumps
         directions = _groups(free, v[weak & ~hazy])
         unclear = _groups(free, v[hazy])
-        leaves = np.abs(step[free]) > (np.inf if settled else wide * sigma)
-        half[free] = np.where(hidden[free] | leaves, np.nan, wide * sigma)
+        leaves[free] = ~hidden[free] & (np.abs(step[free]) > (np.inf if settled else wide * sigma))
+        half[free] = np.where(hidden[free] | leaves[free], np.nan, wide * sigma)
         known = np.where(hidden[free] | (sigma == 0), np.nan, sigma)
         correlation[np.ix_(free, free)] = covariance / np.outer(known, known)
     inverse[hidden] = np.nan
     return Told(
-        half, correlation, at_bound, hidden, directions, unclear, chi2, freedom, likelihood, widened, inverse
-    )
+        half, correlation, at_bound, hidden, leaves, directions, unclear, chi2, freedom, likelihood, widened,
+        inverse,
+    )  # fmt: skip
 
 
 def _groups(free: Array, directions: F64) -> list[list[int]]:

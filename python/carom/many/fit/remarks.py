@@ -22,6 +22,13 @@ def listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
+def of_search(message: str, names: Sequence[str], told: Told) -> str:
+    """Why the search did not end by itself, and what has no interval for that."""
+    which = [names[k] for k in np.flatnonzero(told.leaves).tolist()]
+    without = f"; the slopes lead {listed(which)} out of the interval, so there is none" if which else ""
+    return f"the search has not converged: {message}{without}"
+
+
 def of_data(told: Told, names: Sequence[str]) -> list[str]:
     """What the data do not determine, and whether they contradict the model."""
     found = []

@@ -117,8 +117,8 @@ class Fit:
     @cached_property
     def remarks(self) -> list[str]:
         """What the numbers alone do not say: what is not determined, a poor fit, a search that was cut short."""
-        found = [] if self.converged else [f"the search has not converged: {self._found.message}"]
         names, slopes = self.calibration.names, self._found.slopes
+        found = [] if self.converged else [remarks.of_search(self._found.message, names, self._told)]
         coarse = checks.coarse(self.calibration)
         found += [coarse] if coarse else []
         found += remarks.of_gaps(self.calibration.targets) + remarks.of_data(self._told, names)

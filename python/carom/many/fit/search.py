@@ -28,7 +28,7 @@ NO_SLOPE = float(np.finfo(float).eps)
 IMPROVEMENT = 0.1
 #: Multiple of it up to which a search that used all its points counts as converged.
 SETTLED = 10.0
-#: Points at the end where the process expects the least chi squared, one after the other.
+#: Points at the end where the process expects the least chi squared, one after the other: each may change what it expects.
 REFINED = 2
 #: Samples of the ranges among which the next point is looked for.
 SAMPLES = 1024
@@ -161,7 +161,7 @@ def differential_evolution(points: Points) -> Found:
 
 
 def gaussian_process(points: Points) -> Found:
-    """Expected improvement by a Gaussian process of the residuals, by scikit-learn.
+    """Expected improvement by Gaussian processes of the residuals, until they expect none worth a point some times running.
 
     The best point is where the process has the least chi squared; of runs without noise, the best one that was computed.
     """
@@ -169,18 +169,17 @@ def gaussian_process(points: Points) -> Found:
     n = len(calibration.axes)
     points.at(np.vstack([calibration.first, _sampled(points, calibration.first_points - 1)]))
     samples = _sampled(points, SAMPLES)
-    while len(points.shares) < calibration.points:
-        gain, share = Process(points).most_promising(samples)
-        count = len(points.shares)
-        if gain >= _enough(points):
-            points.at(share)
-        if len(points.shares) == count:  # nothing to be gained, or a point that is known already
+    points.limited, settled = False, 0
+    while True:
+        process, count = Process(points), len(points.shares)
+        gain, share = process.most_promising(samples)
+        worth = gain >= _enough(points) and count < calibration.points
+        if settled >= REFINED and not worth:
             break
-    points.limited = False
-    for _ in range(REFINED):
-        best = points.at(Process(points).least(samples))[0]
-    process = Process(points)
-    gain = process.most_promising(samples)[0]
+        [best] = points.at(share if worth else process.least(samples))
+        if worth and len(points.shares) == count:  # a point that is known already
+            break
+        settled = 0 if worth else settled + 1
     if calibration.seeds == 1:
         best = int(np.argmin(points.chi2))
     centre = points.shares[best]
@@ -190,10 +189,12 @@ def gaussian_process(points: Points) -> Found:
         low, high = sides(centre, k, steps[k])
         found[:, k] = (process.mean(high) - process.mean(low))[0] / (high[k] - low[k])
     noise = process.deviation(centre)[0]
+    converged = gain < SETTLED * _enough(points)
     message = f"another point is expected to lower chi squared by {gain:.2g}"
+    message += "" if converged else "; raise search.points"
     floor = 2 * float(np.linalg.norm(noise))
     known = Slopes(found, floor, "slopes of the fitted Gaussian process", steps, {})
-    return Found(best, gain < SETTLED * _enough(points), message, known, noise)
+    return Found(best, converged, message, known, noise)
 
 
 def _enough(points: Points) -> float:
