@@ -42,7 +42,7 @@ def test_a_column_weighs_on_every_layer(rest: carom.Result) -> None:
 
 def test_mean_over_frames(rest: carom.Result) -> None:
     box = Box((-R, -R, 0), (R, R, 2 * R * N))
-    series = granular.over_frames(rest, granular.stress, box, start=0.03)
+    series = granular.over_frames(rest, granular.stress, box, start="30 ms")
     assert len(series) == 4
     assert series["tensor"].shape == (4, 3, 3)
     np.testing.assert_allclose(series.interval, 0.02)
@@ -88,6 +88,11 @@ def test_near_surfaces_are_those_of_all_walls_where_they_are() -> None:
 def test_frames_by_number_and_time(rest: carom.Result) -> None:
     assert granular.snapshot(rest).time == pytest.approx(0.1)
     assert granular.snapshot(rest, time=0.043).time == pytest.approx(0.04)
+    assert granular.snapshot(rest, time="43 ms").time == pytest.approx(0.04)
+    with pytest.raises(CaromError, match="snapshot: time: "):
+        granular.snapshot(rest, time="43 mm")
+    with pytest.raises(CaromError, match="snapshot: times are numbers in s"):
+        granular.snapshot(rest, time=[0.043])  # type: ignore[arg-type]
     assert granular.snapshot(rest, 1).time == granular.snapshot(rest, -5).time
     np.testing.assert_allclose(granular.snapshot(rest).up, [0, 0, 1])
     with pytest.raises(CaromError, match=r"there is no frame 6; give one of -6 to 5"):
@@ -189,3 +194,14 @@ def test_measures_of_nothing_are_no_numbers_and_no_warnings() -> None:
     ):
         with pytest.raises(CaromError, match=told):
             refused()
+
+
+def test_a_part_of_a_result_is_its_balls_without_contacts(rest: carom.Result) -> None:
+    box = Box((-R, -R, 0), (R, R, 2 * R * N))
+    whole = granular.packing_fraction(rest, box)
+    shares = [granular.packing_fraction(rest.sel(body=part), box) for part in (["b0"], ["b1", "b2", "b3"])]
+    assert shares == pytest.approx([whole / N, whole * (N - 1) / N])
+    assert granular.coordination(rest.sel(body=["b0", "b1"]), gap=1e-6).per_ball.tolist() == [2, 1]
+    assert granular.snapshot(rest.sel(slice("20 ms", "60 ms"))).time == pytest.approx(0.06)
+    with pytest.raises(CaromError, match="a part of a result leaves them out: measure the whole one"):
+        granular.coordination(rest.sel(body=["b0"]))

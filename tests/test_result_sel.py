@@ -306,8 +306,6 @@ def test_what_a_part_does_not_have(sliding: carom.Result) -> None:
         _ = part.walks  # type: ignore[attr-defined]
     assert not hasattr(part, "scene")
     for function in (
-        carom.granular.coordination,
-        carom.granular.snapshot,
         carom.events.detect,
         carom.events.first_contacts,
         carom.audit.check,

@@ -11,9 +11,8 @@ from carom.arrays import F64, I64, Bool, connected
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
-from carom.measure.granular.snapshot import Snapshot, snapshot
+from carom.measure.granular.snapshot import Snapshot, Source, snapshot
 from carom.numeric import is_number, is_whole
-from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs
 
 
@@ -47,7 +46,7 @@ class Coordination(Measure):
 
 
 def coordination(
-    source: RunData | Snapshot,
+    source: Source,
     frame: int = -1,
     *,
     region: Region | None = None,
@@ -145,7 +144,7 @@ class Fabric(Measure):
 
 
 def fabric(
-    source: RunData | Snapshot,
+    source: Source,
     frame: int = -1,
     *,
     region: Region | None = None,
@@ -187,7 +186,7 @@ class NormalForces(Measure):
 
 
 def normal_forces(
-    source: RunData | Snapshot,
+    source: Source,
     frame: int = -1,
     *,
     region: Region | None = None,
@@ -249,7 +248,7 @@ class ForceChains(Measure):
 
 
 def force_chains(
-    source: RunData | Snapshot, frame: int = -1, *, above: float = 1.0, least: int = 2, walls: bool = True
+    source: Source, frame: int = -1, *, above: float = 1.0, least: int = 2, walls: bool = True
 ) -> ForceChains:
     """Chains of contacts whose normal force is at least `above` times the mean, each of `least` contacts or more."""
     s = snapshot(source, frame)

@@ -10,15 +10,14 @@ from carom.arrays import F64
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, inside
 from carom.measure.granular.shown import Measure
-from carom.measure.granular.snapshot import Snapshot, snapshot
+from carom.measure.granular.snapshot import Source, snapshot
 from carom.numeric import is_number, is_whole
-from carom.result.data import RunData
 from carom.scene.packing.neighbours import pairs, separation
 from carom.scene.packing.periodic import PeriodicBox
 from carom.scene.packing.region import Box
 
 
-def packing_fraction(source: RunData | Snapshot, region: Region, frame: int = -1) -> float:
+def packing_fraction(source: Source, region: Region, frame: int = -1) -> float:
     """Volume of the balls within a region over its volume; of balls that stick out, what is inside.
 
     Exact in boxes, in spheres and at the ends of cylinders; balls cut by the curved wall of a cylinder are integrated to
@@ -57,7 +56,7 @@ def _images_of(box: Box, world: PeriodicBox | None) -> PeriodicBox | None:
 
 
 def radial_distribution(
-    source: RunData | Snapshot, box: Box, frame: int = -1, *, reach: float, bins: int = 100
+    source: Source, box: Box, frame: int = -1, *, reach: float, bins: int = 100
 ) -> RadialDistribution:
     """The radial distribution function of the balls in a box, up to `reach` m.
 

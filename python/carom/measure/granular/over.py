@@ -11,10 +11,12 @@ import numpy as np
 from carom.arrays import F64, Array
 from carom.errors import CaromError
 from carom.measure.granular.region import Region
-from carom.measure.granular.snapshot import Snapshot, snapshot
+from carom.measure.granular.snapshot import Snapshot, Source, snapshot
 from carom.numeric import is_whole
 from carom.result.data import RunData
+from carom.result.selection import Selection
 from carom.scene.packing.region import Box
+from carom.units import number
 
 T = TypeVar("T")
 
@@ -80,15 +82,16 @@ class Profile(Generic[T]):
 
 
 def over_frames(
-    result: RunData,
+    result: RunData | Selection,
     function: Callable[..., T],
     *arguments: Any,
-    start: float = 0.0,
-    stop: float = float("inf"),
+    start: float | str = 0.0,
+    stop: float | str = float("inf"),
     every: int = 1,
     **options: Any,
 ) -> Series[T]:
-    """`function(snapshot, *arguments, **options)` at every `every`-th frame of the times from `start` to `stop` s.
+    """`function(snapshot, *arguments, **options)` at every `every`-th frame of the times from `start` to `stop`, in s or as
+    `"20 ms"`.
 
     Frame 0 is left out: nothing is known of forces before it. An argument that is a function is called with each snapshot:
     `whole_box` for a region that follows a periodic box that deforms.
@@ -100,9 +103,14 @@ def over_frames(
         raise CaromError("the result has no frames yet; wait until the run has written some")
     if not is_whole(every) or every < 1:
         raise CaromError(f"over_frames: every = {every!r}; 1 takes every recorded frame")
-    chosen = [k for k in range(1, len(times)) if start <= times[k] <= stop][::every]
+    begin, end = (
+        number("over_frames", name, given, "time", infinite=True)
+        for name, given in (("start", start), ("stop", stop))
+    )
+    slack = 1e-9 * float(times[-1])
+    chosen = [k for k in range(1, len(times)) if begin - slack <= times[k] <= end + slack][::every]
     if not chosen:
-        raise CaromError(f"no frames from {start:g} s to {stop:g} s; the result ends at {times[-1]:g} s")
+        raise CaromError(f"no frames from {begin:g} s to {end:g} s; the result ends at {times[-1]:g} s")
     values = tuple(_at(snapshot(result, k), function, arguments, options) for k in chosen)
     return Series(times[chosen], times[chosen] - times[np.array(chosen) - 1], values)
 
@@ -117,7 +125,7 @@ def _at(s: Snapshot, function: Callable[..., T], arguments: tuple[Any, ...], opt
 
 
 def over_regions(
-    source: RunData | Snapshot,
+    source: Source,
     function: Callable[..., T],
     regions: Iterable[Region],
     frame: int = -1,

@@ -14,8 +14,10 @@ from carom.measure.contacts import closed
 from carom.measure.granular.region import Region, ball_volume, images
 from carom.measure.granular.shown import NotKnown
 from carom.result.data import RunData
+from carom.result.selection import Selection
 from carom.scene.assembly.rotations import upward
 from carom.scene.packing.periodic import PeriodicBox
+from carom.units import number
 
 
 @dataclass(frozen=True)
@@ -199,9 +201,15 @@ class Snapshot:
         return upward(np.zeros(3) if self.gravity is None else self.gravity)
 
 
-def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None = None) -> Snapshot:
-    """Frame number `frame` of a result (negative counts from the end), or the one nearest to `time` s.
+Source = RunData | Selection | Snapshot
+"""What a measure takes: a result, a part of one as `result.sel` makes it, or a snapshot."""
 
+
+def snapshot(source: Source, frame: int = -1, *, time: float | str | None = None) -> Snapshot:
+    """Frame number `frame` of a result (negative counts from the end), or the one nearest to `time`, in s
+    or as `"20 ms"`.
+
+    A part of a result is its balls and all walls, without contacts.
     Every function of `carom.granular` makes one of what it is given; to call several of them make it once.
     """
     if isinstance(source, Snapshot):
@@ -212,7 +220,7 @@ def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None 
     if not len(times):
         raise CaromError("the result has no frames yet; wait until the run has written some")
     if time is not None:
-        slack = 1e-9 * float(times[-1])
+        time, slack = number("snapshot", "time", time, "time"), 1e-9 * float(times[-1])
         if not times[0] - slack <= time <= times[-1] + slack:
             raise CaromError(f"{time:.12g} s is outside of the run, {times[0]:.12g} to {times[-1]:.12g} s")
         frame = int(np.abs(times - time).argmin())
@@ -220,7 +228,9 @@ def snapshot(source: RunData | Snapshot, frame: int = -1, *, time: float | None 
         raise CaromError(f"there is no frame {frame}; give one of -{len(times)} to {len(times) - 1}")
     frame %= len(times)
     contacts, missing = None, ""
-    if not source.scene.record.contacts:
+    if isinstance(source, Selection):
+        missing = "a part of a result leaves them out: measure the whole one, with a region or by ball"
+    elif not source.scene.record.contacts:
         missing = "run it again with contacts = true in [record]"
     elif frame == 0:
         missing = "they are summed since the frame before: take frame 1 or a later one"

@@ -15,8 +15,7 @@ from carom.arrays import F64, I64
 from carom.errors import CaromError
 from carom.measure.granular.region import Region, images, inside, line_share
 from carom.measure.granular.shown import Measure, part
-from carom.measure.granular.snapshot import Snapshot, snapshot
-from carom.result.data import RunData
+from carom.measure.granular.snapshot import Snapshot, Source, snapshot
 
 _TINY = np.finfo(np.float64).tiny
 
@@ -70,7 +69,7 @@ class Stress(Measure):
         return values[::-1], directions[:, ::-1]
 
 
-def stress(source: RunData | Snapshot, region: Region, frame: int = -1) -> Stress:
+def stress(source: Source, region: Region, frame: int = -1) -> Stress:
     """Mean stress in a region.
 
     A contact counts with the part of its branch that lies in the region, a ball with the part of its volume. Then the mean
@@ -99,7 +98,7 @@ def _kinetic(s: Snapshot, region: Region) -> F64:
     return np.asarray(np.einsum("c,ci,cj->ij", mass, away, away) / region.volume)
 
 
-def ball_stress(source: RunData | Snapshot, frame: int = -1) -> F64:
+def ball_stress(source: Source, frame: int = -1) -> F64:
     """Mean stress within each ball from the forces on its surface, (N, 3, 3), Pa, positive in compression.
 
     Times the volumes of the balls and summed it gives the contact part of the whole, but for gaps.
@@ -133,7 +132,7 @@ class Temperature(Measure):
 
 
 def granular_temperature(
-    source: RunData | Snapshot, frame: int = -1, *, region: Region | None = None, mean: str = "uniform"
+    source: Source, frame: int = -1, *, region: Region | None = None, mean: str = "uniform"
 ) -> Temperature:
     """Granular temperature of the balls whose centre is in the `region`, or of all.
 

@@ -12,9 +12,10 @@ from carom.arrays import F64, I64, Bool, connected
 from carom.errors import CaromError, CaromWarning
 from carom.measure.granular.nearest import around, middle, opened
 from carom.measure.granular.shown import Measure
-from carom.measure.granular.snapshot import Snapshot, snapshot
+from carom.measure.granular.snapshot import Snapshot, Source, snapshot
 from carom.numeric import is_number, is_whole
 from carom.result.data import RunData
+from carom.result.selection import Selection
 from carom.scene.packing.neighbours import pairs, separation
 
 _LOOSE = 0.5  # mean diameters between the surfaces of neighbours in a deposit
@@ -54,7 +55,7 @@ class HeapAngle(Measure):
 
 
 def heap_angle(
-    source: RunData | Snapshot,
+    source: Source,
     frame: int = -1,
     *,
     shape: str = "radial",
@@ -311,7 +312,7 @@ class RunOut(Measure):
 
 
 def run_out(
-    result: RunData | tuple[Snapshot, Snapshot],
+    result: RunData | Selection | tuple[Snapshot, Snapshot],
     frame: int = -1,
     *,
     start: int = 0,

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from carom.errors import CaromError
-from carom.measure.granular.snapshot import Snapshot, snapshot
-from carom.result.data import RunData
+from carom.measure.granular.snapshot import Source, snapshot
 from carom.scene.packing.region import Box
 
 
-def whole_box(source: RunData | Snapshot, frame: int = -1) -> Box:
+def whole_box(source: Source, frame: int = -1) -> Box:
     """The periodic box at a frame as a region without faces, also of one that changes its size or is sheared.
 
     Along axes that do not repeat it reaches from the lowest to the highest surface of the balls.
