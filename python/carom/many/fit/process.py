@@ -125,6 +125,8 @@ class Process:
         self._along = [Direction(self.shares, v, w) for v, w in zip(values.T, noise.tolist(), strict=True)]
         self._centre = self._turned @ self._offset
         self._same = np.linalg.norm(self._offset - self._centre @ self._turned)
+        self._noisy = bool(points.scatter.any())
+        self._least = max(0.0, float(points.chi2.min() - self._same**2))
         self._rng = np.random.default_rng([points.calibration.seed, len(good)])
 
     def _predicted(self, shares: F64) -> tuple[F64, F64]:
@@ -157,7 +159,9 @@ class Process:
         mean, variance = self._chi2(asked)
         mean = np.maximum(mean, 1e-100)
         variance = np.maximum(variance, 1e-12 * mean**2)
-        shape, most = mean**2 / variance, known.min()
+        # Of runs without noise the least chi squared is known, and no expected one can lie above it.
+        most = known.min() if self._noisy else min(known.min(), self._least)
+        shape = mean**2 / variance
         limit = most * mean / variance
         expected = most * special.gammainc(shape, limit) - mean * special.gammainc(shape + 1, limit)
         apart = np.abs(asked[:, None] - self._asked).max(axis=2)
