@@ -9,8 +9,6 @@ import carom
 import numpy as np
 import pytest
 from carom import Calibration
-from carom.many.fit.process import Direction
-from scipy.optimize import check_grad
 
 SLIDE = """\
 format = 1
@@ -36,7 +34,7 @@ TRUTH = {"mu": 0.23, "e": 0.62}
 @pytest.fixture
 def bounces(tmp_path: Path) -> Path:
     """A ball that bounces and slides, and its track without noise."""
-    pytest.importorskip("pyarrow", reason="the extra [fit] is not installed")
+    pytest.importorskip("sklearn", reason="the extra [fit] is not installed")
     path = tmp_path / "slide.toml"
     path.write_text(SLIDE)
     run = carom.simulate(carom.Scene.from_toml(path, parameters=TRUTH))
@@ -95,16 +93,3 @@ def test_a_parameter_without_any_effect_has_no_interval(bounces: Path) -> None:
     assert found.converged
     assert found.interval == {"mu": None}
     assert found.remarks == ["the data do not determine mu within its bounds"]
-
-
-def test_the_slope_of_the_likelihood_is_that_of_differences() -> None:
-    rng = np.random.default_rng(1)
-    shares = rng.random((12, 2))
-    values = np.sin(5 * shares[:, 0]) + shares[:, 1] ** 2
-    process = Direction(shares, values, 0.0)
-    theta = np.log([1.5, 0.4, 0.8, 1e-3])
-    off = check_grad(lambda x: process._unlikely(x)[0], lambda x: process._unlikely(x)[1], theta)
-    assert off < 1e-4
-    mean, deviation = process.at(shares)
-    assert mean == pytest.approx(values, abs=1e-3)
-    assert (deviation < 1e-2).all()

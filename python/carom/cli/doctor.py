@@ -128,7 +128,7 @@ TESTS: dict[str, Callable[[], str]] = {
     "tables": _extra("xarray", "pandas"),
     "export": _extra("pyarrow", "gsd"),
     "studies": _extra("dask", "distributed", "scipy"),
-    "fits": _extra("dask", "distributed", "scipy"),
+    "fits": _extra("dask", "distributed", "scipy", "scikit-learn"),
     "live view": _extra("viser"),
     "films": _extra("vtk", "imageio-ffmpeg"),
     "meshes": _extra("trimesh"),

@@ -1,4 +1,4 @@
-"""The Gaussian processes of a fit's residuals.
+"""The Gaussian processes of a fit's residuals, by scikit-learn.
 
 A curve of hundreds of values changes with a few parameters in a few ways only. The residuals of all points are turned to
 their principal directions, which keeps chi squared. Each direction along which they change has a process of its own.
@@ -10,7 +10,8 @@ and deviations s, its mean is the sum of m^2 + s^2 and its variance that of 4 m^
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +21,11 @@ from carom.many.fit.points import Points
 
 #: Samples about the best point, for each of these distances over the ranges.
 LOCAL, DISTANCES = 128, (0.1, 0.03, 0.01, 0.003, 0.001)
-#: Bounds of the variance of a process over that of its values, of its lengths over the ranges, and of its noise over that.
-VARIANCE, LENGTHS, NOISE = (1e-3, 1e3), (0.05, 50.0), (1e-10, 1.0)
+#: Bounds of the variance of a process and of its noise, over the variance of its values, and of its lengths over the ranges.
+VARIANCE, NOISE, LENGTHS = (1e-3, 1e3), (1e-10, 1.0), (0.05, 50.0)
 #: Length over the ranges and noise with which the search for the kernel's parameters begins.
 START_LENGTH, START_NOISE = 1.0, 1e-6
-#: Logarithm of the likelihood below which a better kernel is not looked for.
-ENOUGH = 1e-3
-#: Part of the variance that the diagonal has more, so that points next to each other can be told apart.
+#: Variance of known noise at least, so that points next to each other can be told apart.
 ROUNDING = 1e-10
 #: Distance over the ranges within which points count as one.
 SAME = 1e-6
@@ -34,77 +33,27 @@ SAME = 1e-6
 SMALL = 0.03
 
 
-@dataclass(frozen=True)
-class Kernel:
-    """v M(d) with d the distance over the lengths and M that of Matern with 5/2; noise w of the values."""
-
-    variance: float
-    lengths: F64
-    noise: float
-
-    @classmethod
-    def of(cls, theta: F64) -> Kernel:
-        """From the logarithms of variance, lengths and noise."""
-        values = np.exp(theta)
-        return cls(float(values[0]), values[1:-1], float(values[-1]))
-
-    def of_squares(self, squares: F64) -> tuple[F64, F64]:
-        """Covariances of the values without noise, and their derivatives by the logarithms of the lengths over the squared
-        distances over these: from the squared distances over the ranges, (parameters, points a, points b).
-        """
-        d = np.sqrt(5.0 * np.tensordot(self.lengths**-2.0, squares, axes=1))
-        decay = self.variance * np.exp(-d)
-        return (1.0 + d + d * d / 3.0) * decay, 5.0 / 3.0 * (1.0 + d) * decay
-
-    def between(self, a: F64, b: F64) -> F64:
-        """Covariances of the values without noise, (points a, points b)."""
-        return self.of_squares(_squares(a, b))[0]
-
-
-def _squares(a: F64, b: F64) -> F64:
-    return np.asarray((a.T[:, :, None] - b.T[:, None]) ** 2)
-
-
 class Direction:
     """The process of the values along one direction, of unit variance; `noise` is their known one, 0 if it is fitted."""
 
     def __init__(self, shares: F64, values: F64, noise: float) -> None:
-        self._shares, self._values, self._apart = shares, values, _squares(shares, shares)
-        optimize = extra("scipy.optimize", "a fit needs scipy", "fit")
-        n = shares.shape[1]
-        bounds = np.log([VARIANCE, *[LENGTHS] * n, (noise, noise) if noise > 0 else NOISE])
-        start = np.clip(np.log([1.0, *[START_LENGTH] * n, START_NOISE]), *bounds.T)
-        found = optimize.minimize(
-            self._unlikely, start, jac=True, method="SLSQP", bounds=bounds, options={"ftol": ENOUGH}
+        gp = extra("sklearn.gaussian_process", "a fit by a Gaussian process needs scikit-learn", "fit")
+        kernels, n = gp.kernels, shares.shape[1]
+        known = noise > 0
+        white = kernels.WhiteKernel(*((ROUNDING, "fixed") if known else (START_NOISE, NOISE)))
+        matern = kernels.Matern(np.full(n, START_LENGTH), LENGTHS, nu=2.5)
+        self._process: Any = gp.GaussianProcessRegressor(
+            kernels.ConstantKernel(1.0, VARIANCE) * matern + white, alpha=max(noise, ROUNDING)
         )
-        self.kernel = Kernel.of(found.x)
-        covariance = self._with_noise(self.kernel, self.kernel.of_squares(self._apart)[0])
-        self._root = np.linalg.cholesky(covariance)
-        self._weights = np.linalg.solve(covariance, values)
-
-    @staticmethod
-    def _with_noise(kernel: Kernel, covariance: F64) -> F64:
-        ridge = kernel.noise + ROUNDING * kernel.variance
-        return np.asarray(covariance + ridge * np.eye(len(covariance)))
-
-    def _unlikely(self, theta: F64) -> tuple[float, F64]:
-        """Minus the logarithm of the likelihood of the values, less a constant, and its derivatives."""
-        kernel = Kernel.of(theta)
-        covariance, slope = kernel.of_squares(self._apart)
-        whole = self._with_noise(kernel, covariance)
-        inverse = np.linalg.inv(whole)
-        weights = inverse @ self._values
-        by = 0.5 * (inverse - np.outer(weights, weights))
-        lengths = np.tensordot(self._apart, by * slope, axes=2) / kernel.lengths**2
-        change = np.concatenate([[np.sum(by * covariance)], lengths, [kernel.noise * np.trace(by)]])
-        likely = -0.5 * self._values @ weights - 0.5 * np.linalg.slogdet(whole)[1]
-        return -float(likely), change
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that a parameter of the kernel is at its bound
+            self._process.fit(shares, values)
+        self._white = self._process.kernel_.k2.noise_level
 
     def at(self, shares: F64) -> tuple[F64, F64]:
         """Mean and standard deviation of the values without noise, (points,) each."""
-        across = self.kernel.between(shares, self._shares)
-        known = np.sum(np.linalg.solve(self._root, across.T) ** 2, axis=0)
-        return across @ self._weights, np.sqrt(np.maximum(self.kernel.variance - known, 0.0))
+        mean, deviation = self._process.predict(shares, return_std=True)
+        return mean, np.sqrt(np.maximum(deviation**2 - self._white, 0.0))
 
 
 class Process:
