@@ -107,6 +107,8 @@ pub fn impulses(
 ) -> Option<(Vec<f64>, bool)> {
     let contacts = &system.contacts[..springs.len()];
     let reduced = Reduced::new(system, springs.len());
+    let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -reduced.free[c.row as usize]));
+    let least = CLOSING * speed;
     let mut at = Springs {
         system,
         planes: contacts
@@ -116,7 +118,7 @@ pub fn impulses(
         reduced,
         springs,
         keeps_gaps: o.impact != Impact::Binary,
-        least: 0.0,
+        least,
         exponent: o.impact_exponent,
         u: vec![0.0; NODE_DOF * system.nodes()],
         lambda: vec![0.0; system.rows()],
@@ -125,9 +127,6 @@ pub fn impulses(
         top: vec![0.0; contacts.len()],
         given: vec![[0.0; 3]; contacts.len()],
     };
-    let speed = (contacts.iter()).fold(0.0, |v, c| f64::max(v, -at.reduced.free[c.row as usize]));
-    let least = CLOSING * speed;
-    at.least = least;
     let ([mut given, mut left], mut unsettled) = ([0.0; 2], 0);
     for k in 0..MOST_STEPS {
         let dt = (0..contacts.len()).fold(f64::INFINITY, |dt, i| dt.min(at.step(i, least)));
