@@ -540,6 +540,17 @@ class TestCommand:
         assert all(name in text for name in FORMATS)
 
 
+def test_times_in_python_may_have_units(column: carom.Result, tmp_path: Path) -> None:
+    middle = float(column.time[len(column.time) // 2])
+    for name, times in (("s", (middle, math.inf)), ("ms", (f"{1e3 * middle} ms", None))):
+        column.export(tmp_path / name, "csv", start=times[0], stop=times[1])
+    assert (tmp_path / "s" / "frames.csv").read_text() == (tmp_path / "ms" / "frames.csv").read_text()
+    with pytest.raises(CaromError, match="export: start: expected a time"):
+        column.export(tmp_path, "csv", start="1 m")
+    with pytest.raises(CaromError, match="films: at: expected a time"):
+        column.export(tmp_path, "png", at="1 m")
+
+
 def test_times_of_the_command_may_have_units(column: carom.Result, tmp_path: Path) -> None:
     end = float(column.time[-1])
 
@@ -565,14 +576,3 @@ def test_times_of_the_command_may_have_units(column: carom.Result, tmp_path: Pat
         app, ["export", str(column.path), "--from", "soon", "-o", str(tmp_path / "none")]
     )
     assert (done.exit_code, '--from: "soon" is not a number with a unit' in done.stderr) == (2, True)
-
-
-def test_times_in_python_may_have_units(column: carom.Result, tmp_path: Path) -> None:
-    middle = float(column.time[len(column.time) // 2])
-    for name, times in (("s", (middle, math.inf)), ("ms", (f"{1e3 * middle} ms", None))):
-        column.export(tmp_path / name, "csv", start=times[0], stop=times[1])
-    assert (tmp_path / "s" / "frames.csv").read_text() == (tmp_path / "ms" / "frames.csv").read_text()
-    with pytest.raises(CaromError, match="export: start: expected a time"):
-        column.export(tmp_path, "csv", start="1 m")
-    with pytest.raises(CaromError, match="films: at: expected a time"):
-        column.export(tmp_path, "png", at="1 m")
