@@ -62,7 +62,7 @@ def test_the_search_ends_by_itself_on_precise_data(seed: int, bounces: Path) -> 
     """It had used all its 40 points and expected hundreds more than chi squared, which was 0.4."""
     found = searched(bounces, seed=seed)
     assert found.converged
-    assert found.summary["points"] <= 25
+    assert found.summary["points"] <= 30
     assert found.chi2 < 0.1
     for name, truth in TRUTH.items():
         low, high = found.interval[name]  # type: ignore[misc]
@@ -93,3 +93,18 @@ def test_a_parameter_without_any_effect_has_no_interval(bounces: Path) -> None:
     assert found.converged
     assert found.interval == {"mu": None}
     assert found.remarks == ["the data do not determine mu within its bounds"]
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_parameter_beyond_which_nothing_changes_has_no_interval(seed: int, bounces: Path) -> None:
+    """From some friction on the ball rolls after a bounce. Runs have no slopes there, processes beside a cliff do."""
+    bounces.write_text(bounces.read_text().replace("velocity = [1.0,", "velocity = [0.1,"))
+    run = carom.simulate(carom.Scene.from_toml(bounces, parameters={"mu": 0.3, "e": 0.62}))
+    place = np.asarray(run["a"].position)
+    rows = np.column_stack([run.time, place[:, 0], place[:, 2]])
+    np.savetxt(bounces.parent / "track.csv", rows, delimiter=",", header="t,x,z", comments="")
+    found = searched(bounces, seed=seed, points=20)
+    assert found.interval["mu"] is None
+    assert "the data do not determine mu within its bounds" in found.remarks
+    low, high = found.interval["e"]  # type: ignore[misc]
+    assert low < 0.62 < high

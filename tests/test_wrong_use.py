@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import chdir
+from pathlib import Path
 from typing import Any
 
 import carom
@@ -174,3 +176,35 @@ def test_a_law_of_no_deviation_gives_equal_balls() -> None:
     for law in (packing.Normal(0.1, 0.0, 0.05, 0.2), packing.Lognormal(0.1, 0, 0.05, float("inf"))):
         drawn = law.draw(20, packing.Stream(1))
         assert drawn == pytest.approx([0.1] * 20, rel=1e-14)
+
+
+def test_empty_paths_are_none(tmp_path: Path) -> None:
+    scene = carom.Scene(run={"until": 0.01})
+    scene.contact("m", "m", friction=0, restitution=0)
+    scene.sphere("a", radius=0.1, mass=1, at=(0, 0, 0), material="m")
+    result = carom.simulate(scene)
+    for refused in (
+        lambda: carom.simulate(scene, out=""),
+        lambda: result.save(""),
+        lambda: result.export("", "csv"),
+        lambda: carom.audit.check(""),
+    ):
+        with chdir(tmp_path), pytest.raises(CaromError, match="empty"):
+            refused()
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(
+        CaromError, match=r"audit\.check takes the path of a run directory, found an empty path"
+    ):
+        carom.audit.check(None)  # type: ignore[arg-type]
+
+
+def test_times_outside_of_a_run_have_no_frame() -> None:
+    scene = carom.Scene(run={"until": 0.01})
+    scene.contact("m", "m", friction=0, restitution=0)
+    scene.sphere("a", radius=0.1, mass=1, at=(0, 0, 0), material="m")
+    result = carom.simulate(scene)
+    for time in ("1 h", "-1 ms"):
+        with pytest.raises(CaromError, match=r"spheres_from: time: .* is outside of the run, 0 to 0\.01 s"):
+            carom.Scene().spheres_from(result, time=time)
+    with pytest.raises(CaromError, match="step of a slice of times counts frames"):
+        result.sel(time=slice("1 ms", "5 ms", "1 ms"))

@@ -38,6 +38,7 @@ from carom.audit.near import near
 from carom.audit.report import Finding, Place, Report, Tally, Unjudged, Verdict
 from carom.audit.rerun import Rerun, rerun
 from carom.errors import CaromError
+from carom.result.directory import RunDir
 from carom.result.remarks import remarks
 from carom.run.result import Result
 
@@ -50,6 +51,8 @@ def check(run: Result | str | Path) -> Report:
     What the files claim wrongly is a finding of the report. Files that cannot be read raise `CaromError`; so does a record
     that begins with a restored state (`Simulation.restore`).
     """
+    if run is None or (isinstance(run, str) and not run):
+        RunDir.open(run or "", "audit.check")  # says what it needs
     path = Path(run if isinstance(run, (str, Path)) else run.path)
     if path.is_file():
         path = path.parent

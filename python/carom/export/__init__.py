@@ -95,6 +95,8 @@ def export(
     `follow` (the name of a ball), `shading`, `stamp` (whether the time is shown), `at` (the time of one still),
     `progress`; see `carom.show.film.look.Look`. Times are numbers in s or texts with a unit, `"250 ms"`.
     """
+    if directory == "":
+        raise CaromError("export: the path is empty; name a directory, or leave it out")
     formats = formats_of(format)
     looks = {name: Look.of(name, look) for name in formats if name in FILMS}
     if look and not looks:

@@ -151,6 +151,8 @@ class RunDir:
     @classmethod
     def create(cls, path: Path | str, *, force: bool = False) -> RunDir:
         """A new run directory. An existing path is refused; with `force` an old run goes as the new one is `writing`."""
+        if not str(path):
+            raise CaromError("the path of the run directory is empty; name a directory")
         path = Path(path)
         new = cls(path)
         try:

@@ -203,7 +203,7 @@ def chosen_frames(time: F64, wanted: Any) -> NDArray[np.intp]:
     if (masked := _masked(wanted, len(time), "frame")) is not None:
         return masked
     if isinstance(wanted, slice):
-        if wanted.step is not None and (isinstance(wanted.step, float) or wanted.step < 1):
+        if wanted.step is not None and (not is_whole(wanted.step) or wanted.step < 1):
             raise CaromError("sel: the step of a slice of times counts frames, as time=slice(0.1, 0.5, 10)")
         slack = 1e-9 * float(time.max(initial=0.0))
         low, high = (

@@ -163,7 +163,8 @@ def differential_evolution(points: Points) -> Found:
 def gaussian_process(points: Points) -> Found:
     """Expected improvement by Gaussian processes of the residuals, until they expect none worth a point some times running.
 
-    The best point is where the process has the least chi squared; of runs without noise, the best one that was computed.
+    The best point is where the processes have the least chi squared, and slopes are theirs; of runs without noise it is the
+    best one that was computed, and slopes are differences of runs.
     """
     calibration = points.calibration
     n = len(calibration.axes)
@@ -180,8 +181,12 @@ def gaussian_process(points: Points) -> Found:
         if worth and len(points.shares) == count:  # a point that is known already
             break
         settled = 0 if worth else settled + 1
-    if calibration.seeds == 1:
+    converged = gain < SETTLED * _enough(points)
+    message = f"another point is expected to lower chi squared by {gain:.2g}"
+    message += "" if converged else "; raise search.points"
+    if calibration.seeds == 1:  # differences of runs are slopes, where a process only guesses between them
         best = int(np.argmin(points.chi2))
+        return _ended(points, best, converged, message, steps_of(points, points.shares[best]))
     centre = points.shares[best]
     found = np.zeros((len(points.measured), n))
     steps = np.full(n, calibration.difference or STEP)
@@ -189,9 +194,6 @@ def gaussian_process(points: Points) -> Found:
         low, high = sides(centre, k, steps[k])
         found[:, k] = (process.mean(high) - process.mean(low))[0] / (high[k] - low[k])
     noise = process.deviation(centre)[0]
-    converged = gain < SETTLED * _enough(points)
-    message = f"another point is expected to lower chi squared by {gain:.2g}"
-    message += "" if converged else "; raise search.points"
     floor = 2 * float(np.linalg.norm(noise))
     known = Slopes(found, floor, "slopes of the fitted Gaussian process", steps, {})
     return Found(best, converged, message, known, noise)

@@ -38,7 +38,11 @@ class Taker(Builder):
         """
         times = np.asarray(result.time)
         if time is not None and len(times):
-            frame = int(np.abs(times - number("spheres_from", "time", time, "time")).argmin())
+            time = number("spheres_from", "time", time, "time")
+            if not times[0] * (1 - 1e-9) <= time <= times[-1] * (1 + 1e-9):
+                told = f"{time:.12g} s is outside of the run, {times[0]:.12g} to {times[-1]:.12g} s"
+                raise CaromError(f"spheres_from: time: {told}; give one within")
+            frame = int(np.abs(times - time).argmin())
         if not -len(times) <= frame < len(times):
             cure = (
                 f"give one of {-len(times)} to {len(times) - 1}"
