@@ -36,3 +36,15 @@ def test_what_was_cut_obeys_newtons_law(law: str, tmp_path: Path) -> None:
     assert report.ok, report
     other = reworded(tmp_path / "run", tmp_path / "other", "restitution = 0.5", "restitution = 0.4")
     assert "impact" in kinds(carom.audit.check(other))
+
+
+def test_impacts_within_frames_of_several_steps_are_said_to_be_unjudged() -> None:
+    scene = carom.Scene(gravity=(0, 0, -9.8), run={"step": 1e-3, "until": 0.3})
+    scene.contact("m", "m", friction=0.1, restitution=0.5)
+    scene.sphere("a", radius=0.1, mass=1, at=(0, 0, 0.2), material="m")
+    scene.plane("floor", material="m", point=(0, 0, 0), normal=(0, 0, 1))
+    result = carom.simulate(scene, contacts=True, impacts=True, every=10)
+    report = carom.audit.check(result)
+    for kind in ("impact sum", "impact speeds"):
+        [unjudged] = report[kind].unjudged
+        assert (unjudged.count, unjudged.cure) == (len(result.impacts), "every = 1 in [record]")
