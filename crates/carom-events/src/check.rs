@@ -20,7 +20,7 @@ pub fn check(model: &Model, initial: &InitialState) -> Result<(), ModelError> {
         .find(|&of| far(of))
     {
         let text = format!(
-            "{} knows places to {JOINS:e} of a radius; {:.2e} m from the origin rounding is more; move the scene there, or choose {}",
+            "{} knows places to {JOINS:e} of a radius, but rounding is more at {:.2e} m from the origin; move the scene there, or choose {}",
             Method::Events.name(),
             x.length(),
             Method::Nsga.name(),
