@@ -50,7 +50,7 @@ def judge(block: Block, tally: Tally) -> None:
     piled = block.summed[rows.k]
     why = "of piles one row per contact and step was recorded, over several problems"
     tally.skip("impact", why, 'impacts = "every" in [record]', int(piled.sum()))
-    for kind in ("impact speeds", "impact sum"):
+    for kind in ("impact speeds", "impact sum") if run.method != "events" else ():  # `courses` judges them
         block.skip(tally, kind, "a frame shows the end of several steps", rows.k[~block.single[rows.k]])
     seen = np.flatnonzero(block.single[rows.k])
     group = hits.groups(block, rows.of(seen))
