@@ -35,7 +35,7 @@ T = 0.02
 
 @pytest.fixture(autouse=True)
 def extras() -> None:
-    for name in ("pyarrow", "scipy"):
+    for name in ("pyarrow", "scipy", "sklearn"):
         pytest.importorskip(name, reason="the extra [fit] is not installed")
 
 
@@ -429,9 +429,9 @@ class TestCommand:
             assert done.exit_code == code, done.output
             assert words in done.output
 
-    def test_without_scipy_the_search_says_what_to_install(
+    def test_without_scikit_learn_the_search_says_what_to_install(
         self, free: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setitem(sys.modules, "scipy.stats.qmc", None)
-        with pytest.raises(CaromError, match=r"needs scipy: pip install 'carom\[fit\]'"):
+        monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)
+        with pytest.raises(CaromError, match=r"needs scikit-learn: pip install 'carom\[fit\]'"):
             fitted(free, {"v": (0.5, 1.5)}, [end(0.02, 1e-4)], search="gaussian_process")

@@ -192,9 +192,7 @@ def test_empty_paths_are_none(tmp_path: Path) -> None:
         with chdir(tmp_path), pytest.raises(CaromError, match="empty"):
             refused()
     assert not list(tmp_path.iterdir())
-    with pytest.raises(
-        CaromError, match=r"audit\.check takes the path of a run directory, found an empty path"
-    ):
+    with pytest.raises(CaromError, match=r"audit\.check takes the path of a run directory, found nothing"):
         carom.audit.check(None)  # type: ignore[arg-type]
 
 

@@ -51,11 +51,7 @@ def check(run: Result | str | Path) -> Report:
     What the files claim wrongly is a finding of the report. Files that cannot be read raise `CaromError`; so does a record
     that begins with a restored state (`Simulation.restore`).
     """
-    if run is None or (isinstance(run, str) and not run):
-        RunDir.open(run or "", "audit.check")  # says what it needs
-    path = Path(run if isinstance(run, (str, Path)) else run.path)
-    if path.is_file():
-        path = path.parent
+    path = RunDir.open(run, "audit.check").path if run is None or isinstance(run, (str, Path)) else run.path
     evidence = read(path)
     restored = evidence.result._about.get("restored")
     if restored is not None:

@@ -65,7 +65,7 @@ def turned(block: Block) -> Turned:
         if joint[side] >= 0
     ]
     moved, pressed = _over_steps(block)
-    twist = norm(sums.shift_moments[0]) / run.inertia
+    twist = UNEVEN / np.maximum(block.n, 1)[:, None] * norm(sums.shift_moments[0]) / run.inertia
     joints = np.bincount([body for _, body, _, _ in ends], minlength=run.bodies)
     for j, body, sign, arm in ends:
         reach, own = wrenches.reach(run, body, arm), answered[:, body]
@@ -73,7 +73,7 @@ def turned(block: Block) -> Turned:
         known = block.single & (joints[body] == 1)
         swung = cross(angle[:, body], wrenches.lever(block, body, arm, 1))
         moment[known, body] = -cross(swung, sign * given[:, j] - own)[known]
-        angles = reach * norm(angle[:, body]), moved[:, body] + UNEVEN / block.n * reach * twist[:, body]
+        angles = reach * norm(angle[:, body]), moved[:, body] + reach * twist[:, body]
         sizes = norm(own), pressed[:, body]
         turn, size = (np.where(block.single, one, many) for one, many in (angles, sizes))
         off[~known, body] += (turn * (norm(given[:, j]) + size))[~known]
@@ -91,7 +91,7 @@ def _over_steps(block: Block) -> tuple[F64, F64]:
     """(B, N) for intervals of several steps: by how much contacts may turn the arms of joints in a step, m, and the sizes of
     what reactions may hold, N s.
     """
-    run, steps = block.run, block.n[:, None]
+    run, steps = block.run, np.maximum(block.n, 1)[:, None]
     pushes = recorded.pushes(block)[0]
     own = recorded.shifts(block)[0] / steps
     if run.method == "moreau":  # each impulse moves for the rest of its step

@@ -20,7 +20,7 @@ from typing import Any, Self, TypeVar
 
 from carom.errors import CaromError, quoted
 from carom.play.game import Aim, Game
-from carom.show.viewer.gate import NAMES, admitted, refuse_taken
+from carom.show.viewer.gate import NAMES, admitted, unusable
 
 T = TypeVar("T")
 HOST = NAMES[0]
@@ -78,8 +78,10 @@ class Server:
         self.words = "Drag on the table to aim."
         self._token = secrets.token_urlsafe(16)
         self._lock = threading.Lock()
-        refuse_taken(port)
-        self._http = _Http((HOST, port), self._handler())
+        try:
+            self._http = _Http((HOST, port), self._handler())
+        except (OSError, OverflowError) as error:
+            raise unusable(port, error) from error
         self._thread = threading.Thread(target=self._http.serve_forever, name="carom-play", daemon=True)
         self._thread.start()
 

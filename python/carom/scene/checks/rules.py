@@ -168,9 +168,8 @@ def check(parts: Parts) -> Iterator[Finding]:
         yield from check_areas(parts)
         yield from check_size(parts)
         yield from check_flow(parts)
-        if "joint" not in parts.damaged | {
-            finding.path[0] for finding in wrong_names
-        }:  # they say which may overlap
+        wrong = parts.damaged | {finding.path[0] for finding in wrong_names}
+        if "joint" not in wrong:  # joints say which balls may overlap
             yield from _overlaps(parts)
         if not wrong_names and not parts.balls_damaged():
             yield from check_start(parts)

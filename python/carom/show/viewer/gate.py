@@ -20,13 +20,18 @@ from carom.errors import CaromError
 NAMES = ("127.0.0.1", "localhost")
 
 
+def unusable(port: int, error: Exception) -> CaromError:
+    """What is said of a port that no server can have."""
+    cause = str(error).partition(" (while")[0]
+    return CaromError(f"port {port} cannot be used ({cause}); give another with --port (port=)")
+
+
 def refuse_taken(port: int) -> None:
     """Raise where no server of this machine can have this port; 0 is any that is free."""
     try:
         socket.create_server((NAMES[0], port)).close()
     except (OSError, OverflowError) as error:
-        cause = str(error).partition(" (while")[0]
-        raise CaromError(f"port {port} cannot be used ({cause}); give another with --port (port=)") from error
+        raise unusable(port, error) from error
 
 
 @contextmanager

@@ -25,7 +25,7 @@ from carom.result.clumps import rigid
 from carom.result.data import RunData
 from carom.scene.assembly.rotations import upward
 from carom.show.surfaces import surfaces
-from carom.show.viewer.gate import gated, refuse_taken
+from carom.show.viewer.gate import gated, refuse_taken, unusable
 from carom.show.viewer.live_shapes import ball_halves
 from carom.show.viewer.scenery import bounds, deforming, held, period
 
@@ -50,8 +50,8 @@ class Live:
     """A server that shows a run, and follows it while it is computed.
 
     `source` is a run directory or a result that has one. Without `port` it is 8080, or the next one that is free. `url` is
-    where to look; `stop()` ends it, as does leaving a `with`
-    block. Of more than `MOST_BALLS` balls one in several is shown, which `notes` and the page say.
+    where to look; `stop()` ends it, as does leaving a `with` block. Of more than `MOST_BALLS` balls one in several is shown,
+    which `notes` and the page say.
     """
 
     def __init__(self, source: str | Path | RunData, *, port: int | None = None) -> None:
@@ -68,9 +68,12 @@ class Live:
         if port is not None:  # viser would take the next one that is free
             refuse_taken(port)
         first = PORT if port is None else port
-        # viser prints an address without the token, at which nothing answers.
-        with gated(self._token), redirect_stdout(StringIO()):
-            self._server: Any = viser.ViserServer(host=HOST, port=first, verbose=False, label=self._title)
+        try:
+            # viser prints an address without the token, at which nothing answers.
+            with gated(self._token), redirect_stdout(StringIO()):
+                self._server: Any = viser.ViserServer(host=HOST, port=first, verbose=False, label=self._title)
+        except OSError as error:
+            raise unusable(first, error) from error
         self._lock = threading.RLock()
         self._ended = threading.Event()
         self._shown: tuple[int, int] | None = None
